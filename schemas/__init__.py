@@ -1,0 +1,29 @@
+"""Everything that crosses the wire, and nothing else: messages, keys, codec.
+
+A service in another language needs only `heel schema` (the JSON Schema of every message) and
+docs/wire.md.
+"""
+
+from __future__ import annotations
+
+from schemas.base import Message
+from schemas.blobs import Blob, Blobs, CameraMotion, Evidence, Patch
+from schemas.codec import decode, encode
+from schemas.errors import HeelError, KeyNameError, MessageError, SettingsError, SourceError
+from schemas.follow import EStop, FollowState, MotionCommand, Target, TargetRequest
+from schemas.frame import CameraInfo, EndOfStream, FrameId, Header, Progress, Stamp
+from schemas.health import Health
+from schemas.tracks import Track, Tracks
+
+MESSAGES: tuple[type[Message], ...] = (
+    Header, Stamp, CameraInfo, Blobs, Tracks, MotionCommand, TargetRequest, Target, EStop,
+    FollowState, Health, EndOfStream, Progress,
+)  # fmt: skip
+"""Every message type, in the order of the documentation."""
+
+__all__ = [
+    "MESSAGES", "Blob", "Blobs", "CameraInfo", "CameraMotion", "EStop", "EndOfStream", "Evidence",
+    "FollowState", "FrameId", "Header", "Health", "HeelError", "KeyNameError", "Message",
+    "MessageError", "MotionCommand", "Patch", "Progress", "SettingsError", "SourceError", "Stamp",
+    "Target", "TargetRequest", "Track", "Tracks", "decode", "encode",
+]  # fmt: skip

@@ -1,0 +1,149 @@
+"""What the detector sees in a frame: blobs with their pixels, and the evidence map."""
+
+from __future__ import annotations
+
+import zlib
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import FailFast, Field, model_validator
+
+from schemas.base import (
+    BoxXyxy,
+    Count,
+    Dimension,
+    Fraction,
+    Message,
+    Name,
+    NonNegative,
+    Part,
+    Point,
+    Real,
+    Text,
+)
+from schemas.errors import MessageError
+from schemas.frame import FrameId
+
+MAX_BLOBS = 128
+MAX_WORK_PIXELS = 1 << 20
+NONE, SHADOW, FOREGROUND = 0, 1, 2
+"""Values of the evidence map."""
+
+
+class Patch(Part):
+    """The BGR pixels under a blob's box, at working size, row-major."""
+
+    width: Annotated[int, Field(strict=True, ge=1, le=4096)]
+    height: Annotated[int, Field(strict=True, ge=1, le=4096)]
+    bgr: Annotated[bytes, Field(strict=True, max_length=1 << 20)]
+
+    @model_validator(mode="after")
+    def _size_matches(self) -> Self:
+        if len(self.bgr) != self.width * self.height * 3:
+            raise ValueError(f"{len(self.bgr)} bytes are not {self.width}x{self.height} BGR pixels")
+        return self
+
+    @classmethod
+    def from_array(cls, pixels: NDArray[np.uint8]) -> Patch:
+        """Pack a (H, W, 3) uint8 array."""
+        height, width = pixels.shape[:2]
+        return cls(width=width, height=height, bgr=pixels.tobytes())
+
+    def array(self) -> NDArray[np.uint8]:
+        """The pixels, (height, width, 3) uint8, read-only."""
+        return np.frombuffer(self.bgr, np.uint8).reshape(self.height, self.width, 3)
+
+
+class Blob(Part):
+    """One connected foreground region that passed the true-blob test."""
+
+    box_xyxy: BoxXyxy
+    area_px: NonNegative = Field(description="foreground pixels, frame scale")
+    centroid: Point
+    patch: Patch
+
+
+class Evidence(Part):
+    """Per-pixel evidence at working size: none 0, shadow 1, foreground 2.
+
+    `data` is zlib over two bit planes, foreground then shadow, each row-major, most significant
+    bit first, padded to a whole byte at the end of the plane. A 480x360 street scene is 2 to 6 kB.
+    """
+
+    width: Annotated[int, Field(strict=True, ge=1, le=2048)]
+    height: Annotated[int, Field(strict=True, ge=1, le=2048)]
+    # Two planes of 2^20 pixels that zlib cannot shrink, and its own overhead.
+    data: Annotated[bytes, Field(strict=True, max_length=262144 + 256)]
+
+    @model_validator(mode="after")
+    def _is_bounded(self) -> Self:
+        if self.width * self.height > MAX_WORK_PIXELS:
+            raise ValueError(
+                f"evidence {self.width}x{self.height} exceeds {MAX_WORK_PIXELS} pixels"
+            )
+        return self
+
+    @classmethod
+    def from_array(cls, evidence: NDArray[np.uint8]) -> Evidence:
+        """Pack a (H, W) uint8 map of 0, 1, 2."""
+        planes = np.packbits(evidence == FOREGROUND).tobytes()
+        planes += np.packbits(evidence == SHADOW).tobytes()
+        height, width = evidence.shape
+        return cls(width=width, height=height, data=zlib.compress(planes, 1))
+
+    def array(self) -> NDArray[np.uint8]:
+        """Unpack to a (height, width) uint8 map.
+
+        Raises:
+            MessageError: `data` does not unpack to exactly two planes of this size.
+        """
+        pixels = self.width * self.height
+        plane_bytes = (pixels + 7) // 8
+        unpacker = zlib.decompressobj()
+        try:
+            planes = unpacker.decompress(self.data, 2 * plane_bytes + 1)
+        except zlib.error as error:
+            raise MessageError(f"evidence map is not zlib data ({error}): resend it") from error
+        if len(planes) != 2 * plane_bytes or not unpacker.eof:
+            raise MessageError(
+                f"evidence map of {self.width}x{self.height} must unpack to {2 * plane_bytes} "
+                f"bytes, this one is longer, shorter or cut off: send two whole bit planes"
+            )
+        bits = np.frombuffer(planes, np.uint8).reshape(2, plane_bytes)
+        foreground, shadow = (np.unpackbits(plane, count=pixels) for plane in bits)
+        merged = np.where(foreground == 1, FOREGROUND, shadow).astype(np.uint8)
+        return merged.reshape(self.height, self.width)
+
+
+class CameraMotion(Part):
+    """Motion of the camera since the frame before: maps old pixels to new ones."""
+
+    affine: tuple[Real, Real, Real, Real, Real, Real] = Field(
+        description="row-major 2x3 matrix, frame pixels"
+    )
+    quality: Fraction = Field(description="share of features that agree with it")
+
+
+class Blobs(FrameId, Message):
+    """Everything the tracker needs to know of one frame; sent also when nothing is seen."""
+
+    schema_name: ClassVar[str] = "blobs"
+    max_bytes: ClassVar[int] = 1 << 20
+
+    width: Dimension
+    height: Dimension
+    source_width: Dimension
+    source_height: Dimension
+    blobs: Annotated[tuple[Blob, ...], Field(max_length=MAX_BLOBS), FailFast()] = ()
+    blobs_left_out: Count = Field(default=0, description="blobs beyond the cap of the message")
+    evidence: Evidence | None = None
+    camera_motion: CameraMotion | None = Field(default=None, description="none: it stood still")
+    detector: Name = Field(description="which detector made this, e.g. mog2")
+    background: Literal["learning", "valid", "invalid"] = Field(
+        default="valid", description="whether the background model can be believed"
+    )
+    background_reason: Text = ""
+    protected_seq: Count | None = Field(
+        default=None, description="frame whose tracks were kept out of the background, if any"
+    )

@@ -1,0 +1,100 @@
+"""Motion commands, the choice of a target, the emergency stop and the follower's state."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from schemas.base import Count, Flag, Message, NonNegative, PersonId, Real, Text, TimeNs
+from schemas.frame import FrameId, Producer
+
+FollowStateName = Literal[
+    "idle", "acquiring", "following", "occluded", "unsure", "searching", "lost", "stopped"
+]
+TargetMode = Literal["id", "point", "nearest", "none"]
+
+
+class MotionCommand(Message):
+    """A velocity, valid for `ttl_s` from its arrival. Never cached, never latched."""
+
+    schema_name: ClassVar[str] = "command"
+    max_bytes: ClassVar[int] = 1024
+
+    seq: Count
+    linear_mps: Annotated[float, Field(strict=True, ge=-5, le=5)] = Field(
+        description="forward is positive"
+    )
+    angular_radps: Annotated[float, Field(strict=True, ge=-10, le=10)] = Field(
+        description="left is positive"
+    )
+    ttl_s: Annotated[float, Field(strict=True, gt=0, le=5)] = Field(
+        description="the receiver stops this long after the last command"
+    )
+    state: FollowStateName
+    reason: Annotated[str, Field(strict=True, max_length=96)]
+    frame: FrameId | None = Field(default=None, description="the newest tracks it rests on")
+
+
+class TargetRequest(Message):
+    """Payload of a query on `follow/target`; a query without payload only reads."""
+
+    schema_name: ClassVar[str] = "target-request"
+    max_bytes: ClassVar[int] = 1024
+
+    mode: TargetMode
+    track_id: PersonId | None = None
+    x_px: Real | None = None
+    y_px: Real | None = None
+    tracker: Producer | None = Field(
+        default=None,
+        description="who gave out track_id, so that 7 cannot mean another 7 after a restart",
+    )
+
+    @model_validator(mode="after")
+    def _is_complete(self) -> Self:
+        if self.mode == "id" and self.track_id is None:
+            raise ValueError("mode 'id' needs track_id")
+        if self.mode == "point" and (self.x_px is None or self.y_px is None):
+            raise ValueError("mode 'point' needs x_px and y_px")
+        return self
+
+
+class Target(Message):
+    """What is being followed. Reply of `follow/target` and published there on change."""
+
+    schema_name: ClassVar[str] = "target"
+    max_bytes: ClassVar[int] = 4096
+
+    seq: Count
+    mode: TargetMode
+    track_id: PersonId | None = None
+    tracker: Producer | None = None
+    reason: Text = ""
+
+
+class EStop(Message):
+    """Emergency stop. Engaging latches; only an explicit message with engaged=false resumes."""
+
+    schema_name: ClassVar[str] = "estop"
+    max_bytes: ClassVar[int] = 512
+
+    engaged: Flag
+    source: Annotated[str, Field(strict=True, max_length=96)]
+    t_ns: TimeNs = 0
+
+
+class FollowState(Message):
+    """What the follower is doing and why. Latched."""
+
+    schema_name: ClassVar[str] = "state"
+    max_bytes: ClassVar[int] = 8192
+
+    seq: Count
+    state: FollowStateName
+    reason: Text
+    estop: Flag
+    target: Target
+    tracks_age_s: NonNegative | None = Field(default=None, description="none: no tracks yet")
+    linear_mps: Real
+    angular_radps: Real

@@ -1,0 +1,117 @@
+"""Which frame a message is about, and the stamps that travel in attachments."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from schemas.base import AgeNs, Count, Dimension, Message, Name, Part, Real, Text, TimeNs
+
+Producer = Annotated[
+    str, Field(strict=True, pattern=r"^[a-z0-9_-]{1,64}/[a-z0-9_-]{1,64}@[0-9a-f]{8}$")
+]
+"""`service/instance@start`: `start` is random per process, so a restart is another producer."""
+
+ImageEncoding = Literal["image/raw;bgr8", "image/jpeg"]
+
+
+class FrameId(Part):
+    """Names one frame. Capture makes it; every later message repeats it verbatim."""
+
+    stream: Name = Field(description="camera name")
+    epoch: Count = Field(description="random per capture start; seq restarts with it")
+    seq: Count = Field(description="frame number within the epoch, from 0, without gaps")
+    index: Count = Field(
+        description="position on the source's own timeline: ground-truth frame minus 1"
+    )
+    t_capture_ns: TimeNs = Field(
+        description="acquisition time: wall clock when live, media time in a lossless run"
+    )
+
+
+class Header(FrameId, Message):
+    """Attachment of an image: everything about the pixels but the pixels."""
+
+    schema_name: ClassVar[str] = "header"
+    max_bytes: ClassVar[int] = 1024
+
+    width: Dimension
+    height: Dimension
+    source_width: Dimension = Field(description="width before capture scaled the frame")
+    source_height: Dimension = Field(description="height before capture scaled the frame")
+    image_encoding: ImageEncoding
+    producer: Producer
+    age_ns: AgeNs = Field(default=0, description="monotonic time from acquisition to sending")
+
+    def frame_id(self) -> FrameId:
+        """The part that later messages repeat."""
+        return FrameId(
+            stream=self.stream,
+            epoch=self.epoch,
+            seq=self.seq,
+            index=self.index,
+            t_capture_ns=self.t_capture_ns,
+        )
+
+
+class Stamp(Message):
+    """Attachment of blobs, tracks and commands: who sent it and how old the frame is by now.
+
+    It is kept out of the payload so that the payload of a lossless run is the same bytes whoever
+    computes it and whenever.
+    """
+
+    schema_name: ClassVar[str] = "stamp"
+    max_bytes: ClassVar[int] = 512
+
+    producer: Producer
+    t_sent_ns: TimeNs = Field(description="wall clock when sent; for display, never for safety")
+    age_ns: AgeNs = Field(
+        description="monotonic time since acquisition spent inside services, transit not counted"
+    )
+
+
+class CameraInfo(Message):
+    """What is known of the camera. Latched."""
+
+    schema_name: ClassVar[str] = "info"
+    max_bytes: ClassVar[int] = 4096
+
+    stream: Name
+    epoch: Count
+    width: Dimension
+    height: Dimension
+    source_width: Dimension
+    source_height: Dimension
+    fps: Annotated[
+        float, Field(strict=True, gt=0, le=1000, description="nominal frames per second")
+    ]
+    frame_count: Count | None = Field(default=None, description="frames a recording announces")
+    source: Text = Field(description="what the frames come from, for people")
+    horizontal_fov_rad: Annotated[float, Field(strict=True, gt=0, lt=3.1416)] | None = None
+    mount_height_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None
+    mount_pitch_rad: Real | None = Field(default=None, description="down is positive")
+
+
+class EndOfStream(Message):
+    """Sent in band after the last frame, and passed on by each stage after its last result."""
+
+    schema_name: ClassVar[str] = "end"
+    max_bytes: ClassVar[int] = 4096
+
+    stream: Name
+    epoch: Count
+    frames: Count = Field(description="frames sent in this epoch")
+    reason: Text
+
+
+class Progress(Message):
+    """What a lossless consumer has finished with: the credit for back-pressure."""
+
+    schema_name: ClassVar[str] = "progress"
+    max_bytes: ClassVar[int] = 512
+
+    stream: Name
+    epoch: Count
+    seq: Count

@@ -1,0 +1,80 @@
+"""Key expressions of every topic. The robot's name is Zenoh's `namespace` setting, never in here.
+
+Keys are built from checked chunks only: a `*` in a camera's name would otherwise turn a topic
+into a wildcard.
+"""
+
+from __future__ import annotations
+
+import re
+
+from schemas.errors import KeyNameError
+
+_CHUNK = re.compile(r"[a-z0-9_-]{1,64}")
+
+FOLLOW_COMMAND = "follow/command"
+FOLLOW_STATE = "follow/state"
+FOLLOW_TARGET = "follow/target"
+FOLLOW_ESTOP = "follow/estop"
+ALL_HEALTH = "svc/*/*/health"
+ALL_CONFIG = "svc/*/*/config"
+ALL_ALIVE = "alive/*/*"
+
+
+def chunk(name: str, what: str = "name") -> str:
+    """Return `name` if it may stand as one chunk of a key.
+
+    Raises:
+        KeyNameError: `name` is not 1 to 64 characters of `a-z 0-9 _ -`.
+    """
+    if not _CHUNK.fullmatch(name):
+        shown = name if len(name) <= 80 else name[:77] + "..."
+        raise KeyNameError(
+            f"{what} {shown!r} cannot stand in a key: use 1 to 64 characters of a-z 0-9 _ -"
+        )
+    return name
+
+
+def image(camera: str) -> str:
+    """Pixels as payload, `Header` as attachment."""
+    return f"cam/{chunk(camera, 'camera')}/image"
+
+
+def info(camera: str) -> str:
+    """`CameraInfo`, latched."""
+    return f"cam/{chunk(camera, 'camera')}/info"
+
+
+def blobs(camera: str) -> str:
+    """`Blobs`, one per frame, also when empty."""
+    return f"cam/{chunk(camera, 'camera')}/blobs"
+
+
+def tracks(camera: str) -> str:
+    """`Tracks`, one per frame, also when empty."""
+    return f"cam/{chunk(camera, 'camera')}/tracks"
+
+
+def progress(camera: str, consumer: str) -> str:
+    """`Progress` of one lossless consumer: the credit that lets capture send further frames."""
+    return f"cam/{chunk(camera, 'camera')}/progress/{chunk(consumer, 'consumer')}"
+
+
+def all_progress(camera: str) -> str:
+    """Selector for the progress of every consumer."""
+    return f"cam/{chunk(camera, 'camera')}/progress/*"
+
+
+def health(service: str, instance: str) -> str:
+    """`Health`, once a second."""
+    return f"svc/{chunk(service, 'service')}/{chunk(instance, 'instance')}/health"
+
+
+def config(service: str, instance: str) -> str:
+    """Queryable that answers with the settings in force, as JSON."""
+    return f"svc/{chunk(service, 'service')}/{chunk(instance, 'instance')}/config"
+
+
+def alive(service: str, instance: str) -> str:
+    """Liveliness token: presence, not health."""
+    return f"alive/{chunk(service, 'service')}/{chunk(instance, 'instance')}"
