@@ -1,0 +1,1 @@
+"""What every service shares: Zenoh session and QoS, service loop, health, settings, logs."""

@@ -1,0 +1,91 @@
+"""Counters and timings of one service, and what they mean for its health."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+_WINDOW = 256
+_RATE_WINDOW_S = 2.0
+
+
+@dataclass(slots=True)
+class _Rate:
+    """Events per second over the last two seconds."""
+
+    times_s: deque[float] = field(default_factory=lambda: deque(maxlen=1024))
+
+    def hit(self, now_s: float) -> None:
+        self.times_s.append(now_s)
+
+    def per_second(self, now_s: float) -> float:
+        return sum(1 for t in self.times_s if now_s - t <= _RATE_WINDOW_S) / _RATE_WINDOW_S
+
+
+class ServiceStatistics:
+    """Written by the service loop, read by the health thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._in = _Rate()
+        self._out = _Rate()
+        self._busy_ms: deque[float] = deque(maxlen=_WINDOW)
+        self._age_ms: deque[float] = deque(maxlen=_WINDOW)
+        self._problems: dict[str, str] = {}
+        self.received = self.sent = self.dropped = self.malformed = 0
+        self.last_input_s: float | None = None
+        self.last_loop_s: float | None = None
+        self.shared_memory: bool | None = None
+        self.details: dict[str, str] = {}
+
+    def loop(self, now_s: float) -> None:
+        """The service loop came round."""
+        self.last_loop_s = now_s
+
+    def input(self, now_s: float) -> None:
+        """A good input arrived."""
+        with self._lock:
+            self.received += 1
+            self.last_input_s = now_s
+            self._in.hit(now_s)
+
+    def output(self, now_s: float, busy_s: float, age_s: float) -> None:
+        """A result was sent, after `busy_s` of work, for a frame `age_s` old."""
+        with self._lock:
+            self.sent += 1
+            self._out.hit(now_s)
+            self._busy_ms.append(busy_s * 1e3)
+            self._age_ms.append(age_s * 1e3)
+
+    def problem(self, kind: str, reason: str | None) -> bool:
+        """Report or clear (None) a lasting problem; True if that is news."""
+        with self._lock:
+            if reason is None:
+                return self._problems.pop(kind, None) is not None
+            news = self._problems.get(kind) != reason
+            self._problems[kind] = reason
+            return news
+
+    def problems(self) -> list[str]:
+        """Reasons of all problems that last."""
+        with self._lock:
+            return list(self._problems.values())
+
+    def rates_hz(self, now_s: float) -> tuple[float, float]:
+        """Inputs and outputs per second."""
+        with self._lock:
+            return self._in.per_second(now_s), self._out.per_second(now_s)
+
+    def busy_and_age_ms(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """p50, p95 and p99 of both over the last 256 results; zeros before the first."""
+        with self._lock:
+            return _percentiles(self._busy_ms), _percentiles(self._age_ms)
+
+
+def _percentiles(values: deque[float]) -> tuple[float, ...]:
+    if not values:
+        return (0.0, 0.0, 0.0)
+    return tuple(max(0.0, float(p)) for p in np.percentile(list(values), (50, 95, 99)))

@@ -1,0 +1,104 @@
+"""The 1 Hz health message, sent from a thread of its own so that a hung loop is reported too."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+
+import zenoh
+
+from schemas import Health, encode, keys
+from schemas.base import Name
+from services.runtime import process, qos
+from services.runtime.counters import ServiceStatistics
+
+PERIOD_S = 1.0
+HUNG_S = 2.0
+"""A service loop that has not come round for this long is reported as hung."""
+
+
+class HealthReporter(threading.Thread):
+    """Publishes a service's health once a second until told to stop."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        service: Name,
+        instance: Name,
+        producer: str,
+        statistics: ServiceStatistics,
+        log: logging.Logger,
+    ) -> None:
+        super().__init__(name="health", daemon=True)
+        self._service, self._instance, self._producer = service, instance, producer
+        self._statistics = statistics
+        self._log = log
+        self._finishing = threading.Event()
+        self._started_s = time.monotonic()
+        self._state = "starting"
+        self._publisher = session.declare_publisher(
+            keys.health(service, instance),
+            priority=qos.HEALTH.priority,
+            congestion_control=qos.HEALTH.congestion,
+        )
+
+    def run(self) -> None:
+        """Publish until `finish`."""
+        while not self._finishing.wait(PERIOD_S):
+            self._send(self.compose(time.monotonic()))
+
+    def finish(self) -> None:
+        """Publish a last message and end the thread."""
+        self._finishing.set()
+        self.join(timeout=1.0)
+        self._send(self.compose(time.monotonic(), ended=True))
+
+    def _send(self, health: Health) -> None:
+        if health.state != self._state:
+            if health.state != "ended":
+                level = logging.INFO if health.state == "ok" else logging.WARNING
+                self._log.log(level, "health: %s -> %s %s", self._state, health.state,
+                              health.reason)  # fmt: skip
+            self._state = health.state
+        self._publisher.put(encode(health), encoding=Health.encoding())
+
+    def compose(self, now_s: float, ended: bool = False) -> Health:
+        """The health message of this moment."""
+        s = self._statistics
+        rate_in_hz, rate_out_hz = s.rates_hz(now_s)
+        busy_ms, age_ms = s.busy_and_age_ms()
+        rss_mb, peak_rss_mb = process.memory_mb()
+        loop_age_s = now_s - (s.last_loop_s or self._started_s)
+        problems = s.problems()
+        if loop_age_s > HUNG_S:
+            problems.insert(0, f"the service loop has hung for {loop_age_s:.1f} s: restart it")
+        state = "degraded" if problems else "ok" if s.last_loop_s else "starting"
+        return Health(
+            service=self._service,
+            instance=self._instance,
+            producer=self._producer,
+            state="ended" if ended else "error" if loop_age_s > HUNG_S else state,
+            reason="; ".join(problems)[:512],
+            uptime_s=now_s - self._started_s,
+            input_age_s=None if s.last_input_s is None else max(0.0, now_s - s.last_input_s),
+            loop_age_s=max(0.0, loop_age_s),
+            rate_in_hz=rate_in_hz,
+            rate_out_hz=rate_out_hz,
+            received=s.received,
+            sent=s.sent,
+            dropped=s.dropped,
+            malformed=s.malformed,
+            busy_ms_p50=busy_ms[0],
+            busy_ms_p95=busy_ms[1],
+            busy_ms_p99=busy_ms[2],
+            age_ms_p50=age_ms[0],
+            age_ms_p95=age_ms[1],
+            age_ms_p99=age_ms[2],
+            shared_memory=s.shared_memory,
+            cpu_s=process.cpu_s(),
+            rss_mb=rss_mb,
+            peak_rss_mb=peak_rss_mb,
+            software_version=process.software_version(),
+            details=dict(s.details),
+        )

@@ -1,0 +1,135 @@
+"""Bounded mailboxes between Zenoh's threads and a service's one loop.
+
+Each topic has a ring: when the loop is behind, the oldest message goes, never the link.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+from types import TracebackType
+
+import zenoh
+from zenoh.handlers import Handler, RingChannel
+
+from services.runtime.qos import TopicQos
+
+_Subscriber = zenoh.Subscriber[Handler[zenoh.Sample]]
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A message as it came off the wire, not yet believed."""
+
+    topic: str
+    """The receiver's own name for the subscription."""
+    key: str
+    sample: zenoh.Sample
+    arrived_s: float
+    """Monotonic seconds."""
+
+    @property
+    def size(self) -> int:
+        """Payload bytes, without copying them."""
+        return len(self.sample.payload)
+
+    @property
+    def payload(self) -> bytes:
+        """A copy of the payload (Zenoh's Python binding has no other way, 0.1 ms per MB)."""
+        return self.sample.payload.to_bytes()
+
+    @property
+    def attachment(self) -> bytes | None:
+        """The attachment, if there is one."""
+        attachment = self.sample.attachment
+        return None if attachment is None else attachment.to_bytes()
+
+    @property
+    def encoding(self) -> str:
+        """The encoding string."""
+        return str(self.sample.encoding)
+
+    @property
+    def by_shared_memory(self) -> bool:
+        """Whether the payload came through shared memory rather than a socket."""
+        return self.sample.payload.as_shm() is not None
+
+
+class Inbox:
+    """Subscriptions of one service, read by one loop.
+
+    Use as a context manager: leaving it undeclares every subscription and ends its threads.
+    """
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._ready = threading.Condition()
+        self._rings: dict[str, deque[Arrival]] = {}
+        self._pumps: list[tuple[_Subscriber, threading.Thread]] = []
+        self.overflowed: dict[str, int] = {}
+        """Messages that gave way to newer ones, per topic."""
+
+    def __enter__(self) -> Inbox:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        tb: TracebackType | None,
+    ) -> None:
+        for subscriber, _ in self._pumps:
+            subscriber.undeclare()  # type: ignore[no-untyped-call]
+        for _, thread in self._pumps:
+            thread.join(timeout=1.0)
+
+    def subscribe(self, topic: str, key: str, qos: TopicQos) -> None:
+        """Receive `key` under the name `topic`."""
+        self._rings.setdefault(topic, deque(maxlen=qos.capacity))
+        self.overflowed.setdefault(topic, 0)
+        subscriber = self._session.declare_subscriber(key, RingChannel(qos.capacity))
+        thread = threading.Thread(
+            target=self._pump, args=(topic, subscriber), name=f"inbox-{topic}", daemon=True
+        )
+        self._pumps.append((subscriber, thread))
+        thread.start()
+
+    def _pump(self, topic: str, subscriber: _Subscriber) -> None:
+        ring = self._rings[topic]
+        # Iteration ends by itself when the subscriber is undeclared (measured).
+        for sample in subscriber:
+            arrival = Arrival(topic, str(sample.key_expr), sample, time.monotonic())
+            with self._ready:
+                if len(ring) == ring.maxlen:
+                    self.overflowed[topic] += 1
+                ring.append(arrival)
+                self._ready.notify_all()
+
+    def get(self, timeout_s: float, *topics: str) -> Arrival | None:
+        """Take the message that waits longest, or None after `timeout_s`.
+
+        Args:
+            timeout_s: deadline of the wait; 0 only looks.
+            topics: look at these only; none given means all.
+        """
+        rings = [self._rings[topic] for topic in (topics or self._rings)]
+        deadline_s = time.monotonic() + timeout_s
+        with self._ready:
+            while True:
+                waiting = [ring for ring in rings if ring]
+                if waiting:
+                    return min(waiting, key=lambda ring: ring[0].arrived_s).popleft()
+                remaining_s = deadline_s - time.monotonic()
+                if remaining_s <= 0 or not self._ready.wait(remaining_s):
+                    return None
+
+    def latest(self, topic: str) -> Arrival | None:
+        """Take the newest message of one topic and forget the older ones."""
+        with self._ready:
+            ring = self._rings[topic]
+            newest = ring.pop() if ring else None
+            self.overflowed[topic] += len(ring)
+            ring.clear()
+        return newest

@@ -1,0 +1,101 @@
+"""Sending: a publisher per topic with its QoS, and latched values that late joiners ask for."""
+
+from __future__ import annotations
+
+import threading
+import time
+from types import TracebackType
+
+import zenoh
+
+from schemas import EndOfStream, Message, Stamp, encode
+from schemas.base import MAX_AGE_NS
+from services.runtime.qos import Delivery, TopicQos
+
+
+class StreamPublisher:
+    """Sends one stream: results with a `Stamp`, and at last the end of the stream."""
+
+    def __init__(
+        self, session: zenoh.Session, key: str, qos: TopicQos, delivery: Delivery, producer: str
+    ) -> None:
+        qos = qos.for_delivery(delivery)
+        self._producer = producer
+        self._publisher = session.declare_publisher(
+            key,
+            priority=qos.priority,
+            congestion_control=qos.congestion,
+            express=qos.express,
+        )
+        # The end must not be dropped, and being of the same priority it cannot overtake.
+        self._ending = session.declare_publisher(
+            key,
+            priority=qos.priority,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            express=qos.express,
+        )
+
+    def send(self, message: Message, age_s: float) -> None:
+        """Send a message about a frame that is `age_s` old by now."""
+        age_ns = min(max(0, round(age_s * 1e9)), MAX_AGE_NS)
+        stamp = Stamp(producer=self._producer, t_sent_ns=time.time_ns(), age_ns=age_ns)
+        self.send_bytes(encode(message), message.encoding(), encode(stamp))
+
+    def send_bytes(self, payload: bytes, encoding: str, attachment: bytes) -> None:
+        """Send bytes that are coded already."""
+        self._publisher.put(payload, encoding=encoding, attachment=attachment)
+
+    def end(self, message: EndOfStream) -> None:
+        """Announce that nothing more follows in this epoch."""
+        self._ending.put(encode(message), encoding=message.encoding())
+
+    @property
+    def has_listeners(self) -> bool:
+        """Whether anybody subscribes to this key at present."""
+        return self._publisher.matching_status
+
+
+class Latched:
+    """A value whose changes are published and whose present can be asked for, on one key.
+
+    Plain publisher plus queryable: stable Zenoh API, no timestamps needed, small access rules.
+    """
+
+    def __init__(self, session: zenoh.Session, key: str, qos: TopicQos) -> None:
+        self._key = key
+        self._lock = threading.Lock()
+        self._current: Message | None = None
+        self._publisher = session.declare_publisher(
+            key, priority=qos.priority, congestion_control=qos.congestion, express=qos.express
+        )
+        self._queryable = session.declare_queryable(key, self._answer)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        with self._lock:
+            current = self._current
+        with query:
+            if current is not None:
+                query.reply(self._key, encode(current), encoding=current.encoding())
+
+    def set(self, message: Message) -> None:
+        """Publish a new value and keep it for those who ask."""
+        with self._lock:
+            self._current = message
+        self._publisher.put(encode(message), encoding=message.encoding())
+
+    def keep(self, message: Message) -> None:
+        """Answer with this value from now on; somebody else has published it."""
+        with self._lock:
+            self._current = message
+
+    def __enter__(self) -> Latched:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        tb: TracebackType | None,
+    ) -> None:
+        self._queryable.undeclare()  # type: ignore[no-untyped-call]
+        self._publisher.undeclare()  # type: ignore[no-untyped-call]

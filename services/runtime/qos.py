@@ -1,0 +1,69 @@
+"""Quality of service of every topic, in one table.
+
+Frames are BLOCK_FIRST: DROP starves large frames on a slow link and BLOCK closes the session
+after 5 s. Receivers are ring channels: a full FIFO blocks the receive thread of the whole link,
+e-stop included (measured: a stop message 2 to 4 s late behind a FIFO of 4 frames).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import zenoh
+
+from schemas import (
+    Blobs,
+    CameraInfo,
+    EStop,
+    FollowState,
+    Health,
+    MotionCommand,
+    Progress,
+    Target,
+    Tracks,
+)
+from schemas.image import MAX_IMAGE_BYTES
+
+Delivery = Literal["live", "lossless"]
+LOSSLESS_WINDOW_FRAMES = 8
+"""Frames in flight in a lossless run; credits keep the sender within it."""
+LOSSLESS_CAPACITY = 8 * LOSSLESS_WINDOW_FRAMES
+"""Ring size of lossless receivers: never reached while senders respect the window."""
+
+
+@dataclass(frozen=True, slots=True)
+class TopicQos:
+    """How one topic is sent and received."""
+
+    priority: zenoh.Priority
+    congestion: zenoh.CongestionControl
+    express: bool
+    capacity: int
+    """Messages kept for a receiver that is behind; the oldest go first."""
+    max_bytes: int
+
+    def for_delivery(self, delivery: Delivery) -> TopicQos:
+        """The same topic when nothing may be lost."""
+        if delivery == "live":
+            return self
+        return TopicQos(
+            self.priority, _BLOCK, self.express, LOSSLESS_CAPACITY, self.max_bytes
+        )  # fmt: skip
+
+
+_DROP = zenoh.CongestionControl.DROP
+_BLOCK = zenoh.CongestionControl.BLOCK
+_BLOCK_FIRST = zenoh.CongestionControl.BLOCK_FIRST
+_P = zenoh.Priority
+
+IMAGE = TopicQos(_P.DATA_LOW, _BLOCK_FIRST, False, 1, MAX_IMAGE_BYTES)
+BLOBS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Blobs.max_bytes)
+TRACKS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Tracks.max_bytes)
+COMMAND = TopicQos(_P.REAL_TIME, _DROP, True, 1, MotionCommand.max_bytes)
+ESTOP = TopicQos(_P.REAL_TIME, _BLOCK, True, 8, EStop.max_bytes)
+INFO = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, CameraInfo.max_bytes)
+STATE = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, FollowState.max_bytes)
+TARGET = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, Target.max_bytes)
+PROGRESS = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, True, LOSSLESS_CAPACITY, Progress.max_bytes)
+HEALTH = TopicQos(_P.BACKGROUND, _DROP, False, 64, Health.max_bytes)

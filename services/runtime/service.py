@@ -1,0 +1,195 @@
+"""Running a service: signals, session, presence, health, and an exit that always comes.
+
+A service is a function of a `ServiceContext` that returns when its work is done or when
+`context.stopping` is set. SIGTERM and Ctrl-C take the same path and end in exit code 0.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import json
+import logging
+import os
+import secrets
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+import zenoh
+
+from schemas import EndOfStream, keys
+from schemas.errors import HeelError, SettingsError
+from services.runtime import process
+from services.runtime.counters import ServiceStatistics
+from services.runtime.health import HealthReporter
+from services.runtime.inbox import Arrival, Inbox
+from services.runtime.logs import OncePerSecond, set_up_logging
+from services.runtime.publishing import StreamPublisher
+from services.runtime.qos import TopicQos
+from services.runtime.session import open_session
+from services.runtime.settings import Loaded, ServiceSettings
+from services.runtime.streams import StreamJudge
+
+EXIT_DEADLINE_S = 1.7
+"""Longest time from a signal to the end of the process, however stuck it is."""
+LOOP_WAIT_S = 0.2
+"""Longest wait inside a service loop, so that it comes round and sees a stop."""
+
+S = TypeVar("S", bound=ServiceSettings)
+
+
+@dataclass
+class ServiceContext(Generic[S]):
+    """What a running service works with."""
+
+    name: str
+    settings: S
+    session: zenoh.Session
+    inbox: Inbox
+    statistics: ServiceStatistics
+    log: logging.Logger
+    producer: str
+    stop: threading.Event
+    announce: Callable[[], None]
+    """Call once subscriptions are declared: from then on the service counts as present."""
+    warn: OncePerSecond = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.warn = OncePerSecond(self.log)
+
+    @property
+    def running(self) -> bool:
+        """Ask once per turn of the service loop: notes that the loop lives."""
+        self.statistics.loop(time.monotonic())
+        return not self.stop.is_set()
+
+    def subscribe(self, topic: str, key: str, qos: TopicQos, primary: bool = True) -> StreamJudge:
+        """Receive a stream in this service's delivery mode."""
+        qos = qos.for_delivery(self.settings.delivery)
+        self.inbox.subscribe(topic, key, qos)
+        return StreamJudge(topic, qos, self.statistics, self.warn, primary)
+
+    def arrivals(self, judge: StreamJudge, out: StreamPublisher | None = None) -> Iterator[Arrival]:
+        """Messages of one stream until the service is to end.
+
+        The end of the stream is passed on to `out`, after everything that came before it.
+        """
+        while self.running:
+            arrival = self.inbox.get(LOOP_WAIT_S, judge.topic)
+            if arrival is None:
+                continue
+            if arrival.encoding != EndOfStream.encoding():
+                yield arrival
+            elif (end := judge.end(arrival)) is not None:
+                self.log.info("stream %s ended after %d frames: %s", end.stream, end.frames,
+                              end.reason)  # fmt: skip
+                if out is not None:
+                    out.end(end)
+                if self.settings.exit_at_end:
+                    return
+
+    def publisher(self, key: str, qos: TopicQos) -> StreamPublisher:
+        """Send a stream in this service's delivery mode."""
+        return StreamPublisher(self.session, key, qos, self.settings.delivery, self.producer)
+
+
+@contextmanager
+def stop_signals(exit_deadline_s: float = EXIT_DEADLINE_S) -> Iterator[threading.Event]:
+    """An event that SIGTERM and SIGINT set; a process that then hangs is ended by force."""
+    stop = threading.Event()
+
+    def on_signal(_number: int, _frame: object) -> None:
+        if not stop.is_set():
+            stop.set()
+            watchdog = threading.Timer(exit_deadline_s, _end_by_force)
+            watchdog.daemon = True
+            watchdog.start()
+
+    previous = {
+        number: signal.signal(number, on_signal) for number in (signal.SIGTERM, signal.SIGINT)
+    }
+    try:
+        yield stop
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+def _end_by_force() -> None:
+    # Zenoh can hang while closing a session whose router vanished; where it hung is worth a look.
+    sys.stderr.write("forced exit: the service did not end in time\n")
+    faulthandler.dump_traceback(file=sys.stderr)
+    os._exit(1)
+
+
+def run_service(name: str, loaded: Loaded[S], main: Callable[[ServiceContext[S]], None]) -> int:
+    """Run `main` with everything around it; returns the exit code.
+
+    0 done or told to stop, 1 failed, 2 wrong settings: with a one-line reason on standard error.
+    """
+    log = set_up_logging(loaded.log, name)
+    process.keep_freed_memory()
+    zenoh.init_log_from_env_or("error")
+    with stop_signals() as stop:
+        process.die_with_parent()
+        try:
+            session = open_session(loaded.zenoh, log, stop.wait)
+            if session is not None:
+                with session:
+                    _serve(name, loaded, session, stop, log, main)
+        except HeelError as error:
+            log.error("%s", error)
+            return 2 if isinstance(error, SettingsError) else 1
+    return 0
+
+
+def _serve(
+    name: str,
+    loaded: Loaded[S],
+    session: zenoh.Session,
+    stop: threading.Event,
+    log: logging.Logger,
+    main: Callable[[ServiceContext[S]], None],
+) -> None:
+    settings = loaded.service
+    statistics = ServiceStatistics()
+    producer = f"{name}/{settings.instance}@{secrets.token_hex(4)}"
+    with ExitStack() as stack:
+        answer_config(stack, session, name, settings.instance, loaded)
+        health = HealthReporter(session, name, settings.instance, producer, statistics, log)
+        stack.callback(health.finish)
+        inbox = stack.enter_context(Inbox(session))
+
+        def announce() -> None:
+            token = session.liveliness().declare_token(keys.alive(name, settings.instance))
+            stack.callback(token.undeclare)
+            log.info("%s is up", producer)
+
+        health.start()
+        main(
+            ServiceContext(
+                name, settings, session, inbox, statistics, log, producer, stop, announce
+            )
+        )
+        log.info("%s ends: received %d, sent %d, dropped %d, malformed %d", producer,
+                 statistics.received, statistics.sent, statistics.dropped,
+                 statistics.malformed)  # fmt: skip
+
+
+def answer_config(
+    stack: ExitStack, session: zenoh.Session, name: str, instance: str, loaded: Loaded[S]
+) -> None:
+    """Answer queries on the service's config key with the settings in force."""
+    key = keys.config(name, instance)
+    shown = json.dumps(loaded.shown(name))
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            query.reply(key, shown, encoding=zenoh.Encoding.APPLICATION_JSON)
+
+    stack.callback(session.declare_queryable(key, answer).undeclare)

@@ -1,0 +1,280 @@
+"""Settings: file < environment < flags, checked by pydantic, unknown keys refused by name.
+
+A settings file is TOML with one table per service and two shared ones:
+
+    [zenoh]
+    connect = ["tcp/127.0.0.1:7447"]
+
+    [tracker]
+    max_missed_frames = 25
+
+The environment spells the same keys `HEEL_ZENOH__CONNECT`, `HEEL_TRACKER__MAX_MISSED_FRAMES`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    SecretStr,
+    ValidationError,
+    create_model,
+    model_validator,
+)
+from pydantic_settings import (
+    BaseSettings,
+    EnvSettingsSource,
+    InitSettingsSource,
+    SettingsConfigDict,
+)
+from pydantic_settings import PydanticBaseSettingsSource as Source
+
+from schemas.base import Name
+from schemas.errors import SettingsError
+
+SERVICES = ("capture", "detector", "tracker", "follower", "drive", "web", "recorder", "simulator",
+            "router", "run")  # fmt: skip
+SECTIONS = (*SERVICES, "zenoh", "log")
+ENVIRONMENT_PREFIX = "HEEL_"
+_PASSWORD_IN_ADDRESS = re.compile(r"(?<=://)[^/@\s]*@")
+
+
+class StrictSettings(BaseModel):
+    """Immutable settings in which an unknown key is an error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def split_list(value: object) -> object:
+    """Let a comma-separated string stand for a list, as people type it in shells."""
+    if isinstance(value, str):
+        return [part for part in (piece.strip() for piece in value.split(",")) if part]
+    return value
+
+
+Endpoints = Annotated[tuple[str, ...], BeforeValidator(split_list)]
+
+
+class ZenohSettings(StrictSettings):
+    """How a process joins the robot's Zenoh network."""
+
+    mode: Literal["client", "peer"] = Field(
+        "client", description="client of one router, or peer (then listen must be reachable)"
+    )
+    connect: Endpoints = Field(
+        ("tcp/127.0.0.1:7447",), description="endpoints to connect to, comma separated"
+    )
+    listen: Endpoints = Field((), description="endpoints to listen on (peer mode)")
+    namespace: str = Field(
+        "", description="robot name put before every key, e.g. robots/r1", max_length=128
+    )
+    shared_memory: bool = Field(True, description="pass large messages through shared memory")
+    connect_timeout_s: float = Field(
+        10.0, ge=0, le=3600, description="seconds to wait for the router before giving up"
+    )
+    user: str | None = Field(None, description="user name, where the router asks for one")
+    password: SecretStr | None = Field(None, description="password of that user")
+    config_file: Path | None = Field(
+        None, description="Zenoh JSON5 file loaded first, e.g. for TLS; the settings above win"
+    )
+
+    @model_validator(mode="after")
+    def _user_has_password(self) -> Self:
+        if (self.user is None) != (self.password is None):
+            raise ValueError("user and password go together: give both or neither")
+        return self
+
+
+class LogSettings(StrictSettings):
+    """What a process says of itself on standard error."""
+
+    level: Literal["debug", "info", "warning", "error"] = Field(
+        "info", description="least severe level that is written"
+    )
+    format: Literal["auto", "text", "json"] = Field(
+        "auto", description="text for people, JSON lines for machines; auto asks the terminal"
+    )
+
+
+class ServiceSettings(StrictSettings):
+    """What every service of the pipeline has."""
+
+    instance: Name = Field("main", description="name of this process among its kind")
+    camera: Name = Field("front", description="camera whose stream is worked on")
+    delivery: Literal["live", "lossless"] = Field(
+        "live", description="live: the newest frame wins; lossless: nothing is dropped"
+    )
+    exit_at_end: bool = Field(
+        False, description="end when the stream ends, instead of waiting for the next one"
+    )
+
+
+S = TypeVar("S", bound=BaseModel)
+
+
+class Loaded(BaseModel, Generic[S]):
+    """Settings of one process: its own, and the two shared tables."""
+
+    model_config = ConfigDict(frozen=True)
+
+    service: S
+    zenoh: ZenohSettings
+    log: LogSettings
+
+    def shown(self, name: str) -> dict[str, Any]:
+        """The settings as `--show-config` and the config queryable print them, secrets hidden."""
+        return {
+            name: _without_passwords(self.service.model_dump(mode="json")),
+            "zenoh": self.zenoh.model_dump(mode="json"),
+            "log": self.log.model_dump(mode="json"),
+        }
+
+
+def _without_passwords(values: dict[str, Any]) -> dict[str, Any]:
+    return {
+        key: _PASSWORD_IN_ADDRESS.sub("***@", value) if isinstance(value, str) else value
+        for key, value in values.items()
+    }
+
+
+class _Environment(EnvSettingsSource):
+    def decode_complex_value(self, field_name: str, field: Any, value: Any) -> Any:
+        """Accept `a,b` where JSON is expected: people set lists in compose files."""
+        try:
+            return super().decode_complex_value(field_name, field, value)
+        except ValueError:
+            return value
+
+
+class _Merged(BaseSettings):
+    """Base of the model that holds one service's table beside the shared ones."""
+
+    model_config = SettingsConfigDict(
+        extra="forbid", env_prefix=ENVIRONMENT_PREFIX, env_nested_delimiter="__"
+    )
+    file_tables: ClassVar[dict[str, Any]] = {}
+
+    @classmethod
+    def settings_customise_sources(
+        cls, settings_cls: type[BaseSettings], init_settings: Source, *_: Source, **__: Source
+    ) -> tuple[Source, ...]:
+        known = {
+            name: cls.file_tables[name] for name in cls.file_tables if name in cls.model_fields
+        }
+        return init_settings, _Environment(settings_cls), InitSettingsSource(settings_cls, known)
+
+
+def load_settings(
+    service: str,
+    model: type[S],
+    flags: Mapping[str, Mapping[str, object]],
+    file: Path | None = None,
+) -> Loaded[S]:
+    """Merge file, environment and flags into checked settings.
+
+    Args:
+        service: the service's table name.
+        model: its settings model.
+        flags: table name to flag values; only what the user really gave.
+        file: TOML file; None means `HEEL_CONFIG` if that is set, else no file.
+
+    Raises:
+        SettingsError: unknown table or key, wrong type, out of range, unreadable file.
+    """
+    _check_environment(os.environ)
+    named = os.environ.get("HEEL_CONFIG")
+    tables = read_tables(file or (Path(named) if named else None))
+    merged: type[_Merged] = create_model(
+        "Merged",
+        __base__=_Merged,
+        **{
+            service: (model, Field(default_factory=model)),
+            "zenoh": (ZenohSettings, Field(default_factory=ZenohSettings)),
+            "log": (LogSettings, Field(default_factory=LogSettings)),
+        },  # type: ignore[call-overload]
+    )
+    merged.file_tables = tables
+    try:
+        given: dict[str, Any] = {name: dict(table) for name, table in flags.items() if table}
+        values = merged(**given)
+    except ValidationError as error:
+        raise SettingsError(_explain(error, service, model)) from None
+    return Loaded(**{"service" if name == service else name: getattr(values, name)
+                     for name in (service, "zenoh", "log")})  # fmt: skip
+
+
+def read_tables(file: Path | None) -> dict[str, Any]:
+    """Read a settings file's tables.
+
+    Raises:
+        SettingsError: unreadable, not TOML, or a table that no service owns.
+    """
+    if file is None:
+        return {}
+    try:
+        tables = tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"settings file {file}: {error.strerror}: check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"settings file {file} is not TOML: {error}") from None
+    for name, table in tables.items():
+        if name not in SECTIONS or not isinstance(table, dict):
+            raise SettingsError(
+                f"settings file {file}: [{name}] is not a table of Heel's{_nearest(name, SECTIONS)}"
+            )
+    return tables
+
+
+def _check_environment(names: Iterable[str]) -> None:
+    """Refuse variables that look like settings and would be ignored.
+
+    Raises:
+        SettingsError: a table that no service owns, or one underscore where two are needed.
+    """
+    for name in names:
+        if not name.upper().startswith(ENVIRONMENT_PREFIX):
+            continue
+        table, separator, _ = name.upper().removeprefix(ENVIRONMENT_PREFIX).partition("__")
+        table = table.lower()
+        if separator and table not in SECTIONS:
+            raise SettingsError(
+                f"environment variable {name}: {table} is not a table of Heel's"
+                f"{_nearest(table, SECTIONS)}"
+            )
+        section, _, rest = table.partition("_")
+        if section in SECTIONS and rest and not separator:
+            raise SettingsError(
+                f"environment variable {name}: write {ENVIRONMENT_PREFIX}{section.upper()}__"
+                f"{rest.upper()}, with two underscores behind the table"
+            )
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {close[0]!r}?" if close else f"; known: {', '.join(sorted(known))}"
+
+
+def _explain(error: ValidationError, service: str, model: type[BaseModel]) -> str:
+    """Turn the first complaint into one line that names the key, the value and the remedy."""
+    first = error.errors(include_url=False)[0]
+    path = [str(part) for part in first["loc"]]
+    where = ".".join(path)
+    owners: dict[str, type[BaseModel]] = {
+        service: model,
+        "zenoh": ZenohSettings,
+        "log": LogSettings,
+    }
+    if first["type"] == "extra_forbidden" and len(path) > 1:
+        return f"{where}: unknown key{_nearest(path[1], owners[path[0]].model_fields)}"
+    value = "" if len(path) < 2 or path[-1] == "password" else f" = {first.get('input')!r:.80}"
+    return f"{where}{value}: {first['msg']}; see `heel {service} --help`"
