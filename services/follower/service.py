@@ -1,0 +1,217 @@
+"""The follower as a process: tracks in, commands out from a timer, target and e-stop on the side.
+
+In a lossless run the stream is the clock: one command per tracks message, so that the commands
+of a recording are the same every time.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import ExitStack
+
+import zenoh
+
+from schemas import (
+    CameraInfo,
+    EStop,
+    FollowState,
+    HeelError,
+    MessageError,
+    MotionCommand,
+    TargetRequest,
+    Tracks,
+    decode,
+    encode,
+    keys,
+)
+from services.follower.core import Follower
+from services.follower.settings import FollowerServiceSettings
+from services.runtime import qos
+from services.runtime.inbox import Arrival
+from services.runtime.publishing import Latched
+from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
+from services.runtime.session import QUERY_TIMEOUT_S
+from services.runtime.settings import Loaded
+from services.runtime.streams import Received
+
+_STOP_REPEATS = 5
+"""Zero commands sent on the way out, so that one lost message cannot keep a robot rolling."""
+
+
+class FollowerService:
+    """Wires the follower core to its topics; the core is guarded by one lock."""
+
+    def __init__(
+        self, context: ServiceContext[FollowerServiceSettings], resources: ExitStack
+    ) -> None:
+        self._context = context
+        self._follower = Follower(context.settings)
+        self._lock = threading.Lock()
+        self._newest: Received[Tracks] | None = None
+        self._told: tuple[object, ...] = ()
+        camera, session = context.settings.camera, context.session
+        self._tracks = context.subscribe("tracks", keys.tracks(camera), qos.TRACKS)
+        context.inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
+        context.inbox.subscribe("info", keys.info(camera), qos.INFO)
+        self._out = context.publisher(keys.FOLLOW_COMMAND, qos.COMMAND)
+        self._state = resources.enter_context(Latched(session, keys.FOLLOW_STATE, qos.STATE))
+        self._estop = resources.enter_context(Latched(session, keys.FOLLOW_ESTOP, qos.ESTOP))
+        self._target_out = session.declare_publisher(
+            keys.FOLLOW_TARGET, priority=qos.TARGET.priority,
+            congestion_control=qos.TARGET.congestion,
+        )  # fmt: skip
+        queryable = session.declare_queryable(keys.FOLLOW_TARGET, self._answer)
+        resources.callback(queryable.undeclare)
+
+    def run(self) -> None:
+        """Publish commands until the stream ends or the service is stopped, then zeros."""
+        self._catch_up()
+        self._context.announce()
+        try:
+            if self._context.settings.delivery == "lossless":
+                self._run_by_stream()
+            else:
+                self._run_by_timer()
+        finally:
+            self._stop_robot()
+
+    def _run_by_stream(self) -> None:
+        for arrival in self._context.arrivals(self._tracks, self._out):
+            self._drain("estop", "info")
+            if self._observe(arrival) and self._newest is not None:
+                self._publish(self._newest.message.t_capture_ns * 1e-9, 0.0)
+
+    def _run_by_timer(self) -> None:
+        period_s = 1.0 / self._context.settings.rate_hz
+        due_s = time.monotonic()
+        while self._context.running:
+            now_s = time.monotonic()
+            if now_s >= due_s:
+                age_s = None if self._newest is None else self._newest.age_s(now_s)
+                self._publish(now_s, age_s)
+                due_s = max(due_s + period_s, now_s)
+                continue
+            arrival = self._context.inbox.get(min(due_s - now_s, LOOP_WAIT_S))
+            if arrival is None:
+                continue
+            if arrival.topic != "tracks":
+                self._side_message(arrival)
+            elif arrival.encoding == Tracks.encoding():
+                self._observe(arrival)
+            elif (end := self._tracks.end(arrival)) is not None:
+                self._context.log.info("stream ended after %d frames: %s", end.frames, end.reason)
+                if self._context.settings.exit_at_end:
+                    self._out.end(end)
+                    return
+
+    def _observe(self, arrival: Arrival) -> bool:
+        received = self._tracks.message(arrival, Tracks)
+        if received is None:
+            return False
+        self._context.statistics.input(arrival.arrived_s)
+        self._newest = received
+        with self._lock:
+            self._follower.observe(received.message, received.stamp.producer)
+        return True
+
+    def _publish(self, now_s: float, age_s: float | None) -> None:
+        started_s = time.monotonic()
+        with self._lock:
+            command = self._follower.step(now_s, age_s)
+            state = self._follower.state
+        self._out.send(command, age_s or 0.0)
+        self._context.statistics.output(started_s, time.monotonic() - started_s, age_s or 0.0)
+        self._tell(state)
+
+    def _tell(self, state: FollowState) -> None:
+        """Publish and log the state when it changes, and the target with it."""
+        news = (state.state, state.reason, state.target, state.estop)
+        if news == self._told:
+            return
+        if not self._told or self._told[2] != state.target:
+            self._target_out.put(encode(state.target), encoding=state.target.encoding())
+        self._told = news
+        self._state.set(state)
+        self._context.log.info("%s: %s (target %s)", state.state, state.reason,
+                               state.target.track_id or state.target.mode)  # fmt: skip
+
+    def _drain(self, *topics: str) -> None:
+        while (arrival := self._context.inbox.get(0, *topics)) is not None:
+            self._side_message(arrival)
+
+    def _side_message(self, arrival: Arrival) -> None:
+        try:
+            if arrival.topic == "estop":
+                self._take_estop(decode(EStop, arrival.payload, arrival.encoding))
+            else:
+                self._take_info(decode(CameraInfo, arrival.payload, arrival.encoding))
+        except MessageError as error:
+            self._context.statistics.malformed += 1
+            self._context.warn.warning(arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s)
+
+    def _take_estop(self, estop: EStop) -> None:
+        self._estop.keep(estop)
+        with self._lock:
+            self._follower.set_estop(estop.engaged)
+        self._context.log.warning("e-stop %s by %s", "engaged" if estop.engaged else "released",
+                                  estop.source)  # fmt: skip
+
+    def _take_info(self, info: CameraInfo) -> None:
+        if info.horizontal_fov_rad is not None:
+            with self._lock:
+                self._follower.set_field_of_view(info.horizontal_fov_rad)
+
+    def _catch_up(self) -> None:
+        """Ask for latched values: a follower that restarts must not forget a stop."""
+        wanted = (keys.FOLLOW_ESTOP, EStop), (keys.info(self._context.settings.camera), CameraInfo)
+        for key, kind in wanted:
+            for reply in self._context.session.get(key, timeout=QUERY_TIMEOUT_S):
+                if reply.ok is None:
+                    continue
+                try:
+                    message = decode(kind, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
+                except MessageError as error:
+                    self._context.log.warning("%s: %s", key, error)
+                    continue
+                if isinstance(message, EStop) and message.engaged:
+                    self._take_estop(message)
+                elif isinstance(message, CameraInfo):
+                    self._take_info(message)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        """Serve `follow/target`: no payload reads, a `TargetRequest` chooses."""
+        with query:
+            try:
+                if query.payload is None:
+                    target = self._follower.target
+                else:
+                    request = decode(TargetRequest, query.payload.to_bytes())
+                    with self._lock:
+                        target = self._follower.choose(request)
+            except HeelError as error:
+                query.reply_err(str(error), encoding=zenoh.Encoding.TEXT_PLAIN)
+                return
+            query.reply(keys.FOLLOW_TARGET, encode(target), encoding=target.encoding())
+
+    def _stop_robot(self) -> None:
+        """Zero velocity on every way out; the robot's own watchdog covers the rest."""
+        with self._lock:
+            self._follower.set_estop(True)
+            command = self._follower.step(time.monotonic(), None)
+        command = command.model_copy(update={"reason": "the follower ends"})
+        assert isinstance(command, MotionCommand)
+        if self._context.settings.delivery == "live":
+            for _ in range(_STOP_REPEATS):
+                self._out.send(command, 0.0)
+
+
+def serve(context: ServiceContext[FollowerServiceSettings]) -> None:
+    """Follow until the stream ends or the service is stopped."""
+    with ExitStack() as resources:
+        FollowerService(context, resources).run()
+
+
+def run(loaded: Loaded[FollowerServiceSettings]) -> int:
+    """Run the follower process; returns its exit code."""
+    return run_service("follower", loaded, serve)
