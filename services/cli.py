@@ -1,0 +1,56 @@
+"""The `heel` command: every service, and the tools around them.
+
+Exit codes: 0 done, 1 failed with a one-line reason, 2 wrong usage.
+"""
+
+from __future__ import annotations
+
+import typer
+
+from services.capture.settings import CaptureSettings
+from services.commands import register_tools
+from services.detector.settings import DetectorServiceSettings
+from services.follower.settings import FollowerServiceSettings
+from services.runtime.command_line import later, run_app, settings_command
+from services.runtime.router import RouterSettings
+from services.tracker.settings import TrackerServiceSettings
+from services.web.settings import WebServiceSettings
+
+_SERVICES = (
+    ("capture", CaptureSettings, "Send the frames of a file, folder, camera or drawn scene."),
+    ("detector", DetectorServiceSettings, "Find people-sized foreground in every frame."),
+    ("tracker", TrackerServiceSettings, "Give people identities and keep them."),
+    ("follower", FollowerServiceSettings, "Turn the chosen person into motion commands."),
+    ("web", WebServiceSettings, "Serve the live picture and control page."),
+)
+
+app = typer.Typer(
+    name="heel",
+    help="Person following for robots: one camera, CPU only, Python processes over Zenoh.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+register_tools(app)
+for _name, _model, _summary in _SERVICES:
+    _run = later(f"services.{_name}.service")
+    app.command(_name)(settings_command(_name, _model, _run, _summary))
+app.command("router")(
+    settings_command(
+        "router",
+        RouterSettings,
+        later("services.runtime.router"),
+        "Run a Zenoh router, where no zenohd is installed.",
+        shared=("log",),
+    )
+)
+
+
+def main() -> None:
+    """Entry point of the `heel` command."""
+    run_app(app)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,23 @@
+"""The tools of `heel`, one module each; this file only puts them together."""
+
+from __future__ import annotations
+
+import typer
+
+from services.commands.control import follow, resume, status, stop
+from services.commands.demo import demo
+from services.commands.run import run
+from services.commands.schema import schema
+from services.commands.score import score
+
+
+def register_tools(app: typer.Typer) -> None:
+    """Add every tool to the root command."""
+    app.command()(demo)
+    app.command()(run)
+    app.command("eval")(score)
+    app.command()(follow)
+    app.command()(stop)
+    app.command()(resume)
+    app.command()(status)
+    app.command()(schema)

@@ -1,0 +1,92 @@
+"""`heel run`: a recording or camera through the real processes; files and figures come out."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from schemas.errors import SettingsError
+from services.run.guard import guarded
+from services.run.options import RunOptions
+
+PARENT_EXIT_S = 12.0
+"""Longest orderly end of a run: children get 2.5 s to end and 2 s to be killed."""
+
+
+def run(
+    source: Annotated[
+        str, typer.Argument(help="video file, image folder, camera or scene:NAME", metavar="SOURCE")
+    ],
+    out: Annotated[Path, typer.Option(help="folder for the results", metavar="DIR")],
+    lossless: Annotated[
+        bool | None,
+        typer.Option(
+            "--lossless/--live",
+            help="every frame, or the newest frame wins "
+            "[default: lossless for recordings, live for cameras]",
+        ),
+    ] = None,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="the same cores in one process, for comparison")
+    ] = False,
+    preset: Annotated[
+        Literal["default", "paper"], typer.Option(help="ours, or the paper as printed")
+    ] = "default",
+    annotate: Annotated[
+        bool, typer.Option("--annotate", help="write annotated.mp4 as well")
+    ] = False,
+    target: Annotated[
+        Literal["nearest", "none"], typer.Option(help="whom the follower follows")
+    ] = "nearest",
+    scale: Annotated[float, typer.Option(help="factor for both sides of every frame")] = 1.0,
+    fps: Annotated[float | None, typer.Option(help="rate instead of the source's own")] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="play a recording again and again")] = False,
+    frames: Annotated[int | None, typer.Option(help="end after so many frames", min=1)] = None,
+    seconds: Annotated[float | None, typer.Option(help="end after so many seconds")] = None,
+    web: Annotated[
+        int | None, typer.Option(help="serve the live page on this loopback port", metavar="PORT")
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="settings file (TOML) for every service", metavar="FILE")
+    ] = None,
+) -> None:
+    """Run SOURCE through the real processes; write tracks.txt, commands.csv and summary.json."""
+    live_source = is_camera(source)
+    if lossless is None:
+        lossless = not live_source
+    if lossless and live_source:
+        raise SettingsError(f"{source}: a camera does not wait: leave out --lossless")
+    options = RunOptions(
+        source=source, out=out, delivery="lossless" if lossless else "live", preset=preset,
+        annotate=annotate, target=target, scale=scale, fps=fps, loop=loop, frames=frames,
+        seconds=seconds, web_port=web, config=config, on_page=_print_page,
+    )  # fmt: skip
+    raise typer.Exit(guarded(lambda: _work(options, in_process)))
+
+
+def _print_page(url: str) -> None:
+    typer.echo(f"live page: {url}")
+
+
+def _work(options: RunOptions, in_process: bool) -> None:
+    # Imported here, in the guarded process: see `guarded`.
+    from services.run.distributed import DistributedRun
+    from services.run.in_process import run_in_process
+    from services.run.report import print_summary
+    from services.runtime.service import stop_signals
+
+    logging.basicConfig(format="heel: %(message)s", level=logging.WARNING)
+    with stop_signals(PARENT_EXIT_S) as stopping:
+        if in_process:
+            summary = run_in_process(options, stopping)
+        else:
+            summary = DistributedRun(options, stopping, logging.getLogger("heel.run")).run()
+    print_summary(summary, options.out)
+
+
+def is_camera(source: str) -> bool:
+    """Whether a source is live by its name: a device number or path, or a network stream."""
+    return source.isdigit() or source.startswith("/dev/video") or "://" in source

@@ -1,0 +1,143 @@
+"""A video with what the stack believed, drawn on the very frames it believed it about."""
+
+from __future__ import annotations
+
+import colorsys
+from collections import OrderedDict, deque
+from pathlib import Path
+from types import TracebackType
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas import HeelError, Track, Tracks
+
+_TRAIL_FRAMES = 40
+_MAX_TRAILS = 256
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_WHITE = (255, 255, 255)
+
+
+def colour_of(track_id: int) -> tuple[int, int, int]:
+    """A BGR colour per id; neighbouring ids differ strongly (golden ratio of the hue circle)."""
+    red, green, blue = colorsys.hsv_to_rgb(track_id * 0.618034 % 1.0, 0.75, 1.0)
+    return int(blue * 255), int(green * 255), int(red * 255)
+
+
+class Annotator:
+    """Draws boxes, ids, trails, occlusion marks and the target; remembers trails."""
+
+    def __init__(self) -> None:
+        self._trails: OrderedDict[int, deque[tuple[int, int]]] = OrderedDict()
+
+    def draw(
+        self, image: NDArray[np.uint8], tracks: Tracks, target_id: int | None, caption: str
+    ) -> NDArray[np.uint8]:
+        """A copy of `image`, (H, W, 3) uint8 BGR, with the marks of its frame."""
+        canvas = image.copy()
+        for track in tracks.tracks:
+            if track.shown:
+                self._trail(canvas, track)
+                _mark(canvas, track, track.id == target_id)
+        if tracks.occlusion:
+            _text(canvas, "occlusion", (8, canvas.shape[0] - 10), (0, 200, 255))
+        _text(canvas, caption, (8, 20), _WHITE)
+        return canvas
+
+    def _trail(self, canvas: NDArray[np.uint8], track: Track) -> None:
+        left, _, right, bottom = track.box_xyxy
+        trail = self._trails.setdefault(track.id, deque(maxlen=_TRAIL_FRAMES))
+        self._trails.move_to_end(track.id)
+        while len(self._trails) > _MAX_TRAILS:
+            self._trails.popitem(last=False)
+        trail.append((round((left + right) / 2), round(bottom)))
+        points = np.array(trail, np.int32).reshape(-1, 1, 2)
+        cv2.polylines(canvas, [points], False, colour_of(track.id), 1, cv2.LINE_AA)
+
+
+def _mark(canvas: NDArray[np.uint8], track: Track, is_target: bool) -> None:
+    left, top, right, bottom = (round(value) for value in track.box_xyxy)
+    colour = colour_of(track.id)
+    if track.state == "tracked":
+        cv2.rectangle(canvas, (left, top), (right, bottom), colour, 2)
+    else:
+        _dashed(canvas, (left, top, right, bottom), colour)
+    if is_target:
+        cv2.rectangle(canvas, (left - 4, top - 4), (right + 4, bottom + 4), _WHITE, 2)
+    label = str(track.id)
+    if track.occluded_by:
+        label += " behind " + ",".join(map(str, track.occluded_by))
+    elif track.state != "tracked":
+        label += f" {track.state}"
+    if track.identity_confidence < 0.6:
+        label += " ?"
+    _text(canvas, label, (left, max(12, top - 5)), colour)
+
+
+def _dashed(
+    canvas: NDArray[np.uint8], box: tuple[int, int, int, int], colour: tuple[int, int, int]
+) -> None:
+    left, top, right, bottom = box
+    for x in range(left, right, 8):
+        end = min(x + 4, right)
+        cv2.line(canvas, (x, top), (end, top), colour, 2)
+        cv2.line(canvas, (x, bottom), (end, bottom), colour, 2)
+    for y in range(top, bottom, 8):
+        end = min(y + 4, bottom)
+        cv2.line(canvas, (left, y), (left, end), colour, 2)
+        cv2.line(canvas, (right, y), (right, end), colour, 2)
+
+
+def _text(
+    canvas: NDArray[np.uint8], text: str, at: tuple[int, int], colour: tuple[int, int, int]
+) -> None:
+    cv2.putText(canvas, text, at, _FONT, 0.45, (0, 0, 0), 3, cv2.LINE_AA)
+    cv2.putText(canvas, text, at, _FONT, 0.45, colour, 1, cv2.LINE_AA)
+
+
+class AnnotatedVideo:
+    """Writes annotated frames to an mp4 of the first frame's size."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._annotator = Annotator()
+        self._writer: cv2.VideoWriter | None = None
+        self._size = (0, 0)
+
+    def __enter__(self) -> AnnotatedVideo:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        tb: TracebackType | None,
+    ) -> None:
+        if self._writer is not None:
+            self._writer.release()
+
+    def write(
+        self,
+        image: NDArray[np.uint8],
+        tracks: Tracks,
+        target_id: int | None,
+        caption: str,
+        fps: float,
+    ) -> None:
+        """Draw and append one frame.
+
+        Raises:
+            HeelError: the video cannot be written.
+        """
+        height, width = image.shape[:2]
+        if self._writer is None:
+            self._size = (max(2, width & ~1), max(2, height & ~1))
+            fourcc = cv2.VideoWriter.fourcc(*"mp4v")
+            self._writer = cv2.VideoWriter(str(self._path), fourcc, fps, self._size)
+            if not self._writer.isOpened():
+                raise HeelError(f"{self._path} cannot be written as mp4: leave out --annotate")
+        frame = self._annotator.draw(image, tracks, target_id, caption)
+        if (width, height) != self._size:
+            frame = np.asarray(cv2.resize(frame, self._size), np.uint8)
+        self._writer.write(frame)

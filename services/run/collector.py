@@ -1,0 +1,219 @@
+"""The receiving end of a run: writes files, counts, and gives credit for further frames."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from contextlib import ExitStack
+
+import numpy as np
+import zenoh
+from numpy.typing import NDArray
+
+from schemas import (
+    Blobs,
+    CameraInfo,
+    EndOfStream,
+    Health,
+    MessageError,
+    MotionCommand,
+    Progress,
+    Target,
+    Tracks,
+    decode,
+    encode,
+    keys,
+)
+from schemas.image import decode_image
+from services.run.annotate import AnnotatedVideo
+from services.run.join import FrameJoin
+from services.run.options import RunOptions
+from services.run.outputs import RunOutputs
+from services.run.summary import RunSummary
+from services.runtime import qos
+from services.runtime.counters import ServiceStatistics
+from services.runtime.inbox import Arrival, Inbox
+from services.runtime.logs import OncePerSecond
+from services.runtime.streams import Received, StreamJudge
+
+CONSUMER = "run"
+CAMERA = "front"
+_KEPT_IMAGES = 16
+
+
+class Collector:
+    """Takes everything that a run produces; one thread calls `take`."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        inbox: Inbox,
+        options: RunOptions,
+        outputs: RunOutputs,
+        summary: RunSummary,
+        warn: OncePerSecond,
+        resources: ExitStack,
+    ) -> None:
+        self._options, self._outputs, self._summary = options, outputs, summary
+        self._lossless = options.delivery == "lossless"
+        self._video = (
+            resources.enter_context(AnnotatedVideo(outputs.folder / "annotated.mp4"))
+            if options.annotate
+            else None
+        )
+        self._statistics = ServiceStatistics()
+        topics = {
+            "blobs": (keys.blobs(CAMERA), qos.BLOBS), "tracks": (keys.tracks(CAMERA), qos.TRACKS),
+            "command": (keys.FOLLOW_COMMAND, qos.COMMAND),
+        }  # fmt: skip
+        if self._video is not None:
+            topics["image"] = (keys.image(CAMERA), qos.IMAGE)
+        self._judges: dict[str, StreamJudge] = {}
+        for topic, (key, quality) in topics.items():
+            # This end writes a record: it keeps more than the newest message, in live mode too.
+            quality = quality.for_delivery("lossless")
+            inbox.subscribe(topic, key, quality)
+            self._judges[topic] = StreamJudge(topic, quality, self._statistics, warn)
+        inbox.subscribe("health", keys.ALL_HEALTH, qos.HEALTH)
+        inbox.subscribe("info", keys.info(CAMERA), qos.INFO)
+        inbox.subscribe("target", keys.FOLLOW_TARGET, qos.TARGET)
+        self._join = FrameJoin(frozenset(topics))
+        self._progress = session.declare_publisher(
+            keys.progress(CAMERA, CONSUMER), express=True,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )  # fmt: skip
+        self._images: OrderedDict[tuple[int, int], NDArray[np.uint8]] = OrderedDict()
+        self._waiting: OrderedDict[tuple[int, int], Tracks] = OrderedDict()
+        self._command_frames: set[tuple[int, int]] = set()
+        self._target_id: int | None = None
+        self._ended: set[str] = set()
+        self.info: CameraInfo | None = None
+        self._page_told = False
+
+    @property
+    def ended(self) -> bool:
+        """Whether tracks and commands have both announced their end."""
+        return self._ended >= {"tracks", "command"}
+
+    def take(self, arrival: Arrival) -> None:
+        """Handle one message; malformed ones are counted and dropped."""
+        if arrival.topic in self._judges:
+            if arrival.encoding == EndOfStream.encoding():
+                self._end(arrival)
+            else:
+                self._stream(arrival)
+            return
+        try:
+            self._side(arrival)
+        except MessageError as error:
+            self._summary.malformed["run"] = self._summary.malformed.get("run", 0) + 1
+            self._judges["tracks"].warn.warning(
+                arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s
+            )
+
+    def _side(self, arrival: Arrival) -> None:
+        if arrival.topic == "health":
+            health = decode(Health, arrival.payload, arrival.encoding)
+            self._summary.dropped[health.service] = health.dropped
+            self._summary.malformed[health.service] = health.malformed
+            self._summary.cpu_s[health.service] = health.cpu_s
+            self._summary.peak_rss_mb[health.service] = health.peak_rss_mb
+            self._page(health.details.get("url"))
+        elif arrival.topic == "info":
+            self.info = decode(CameraInfo, arrival.payload, arrival.encoding)
+        else:
+            self._target_id = decode(Target, arrival.payload, arrival.encoding).track_id
+
+    def _page(self, url: str | None) -> None:
+        if url and not self._page_told and self._options.on_page is not None:
+            self._page_told = True
+            self._options.on_page(url)
+
+    def _end(self, arrival: Arrival) -> None:
+        end = self._judges[arrival.topic].end(arrival)
+        if end is None:
+            return
+        self._ended.add(arrival.topic)
+        self._summary.captured, self._summary.ended = end.frames, end.reason
+
+    def _stream(self, arrival: Arrival) -> None:
+        judge = self._judges[arrival.topic]
+        if arrival.topic == "image":
+            self._image(arrival, judge)
+        elif arrival.topic == "blobs":
+            blobs = judge.message(arrival, Blobs)
+            if blobs is not None:
+                self._summary.detected += 1
+                self._age("blobs", blobs, blobs.message.t_capture_ns)
+                self._done("blobs", blobs.message.epoch, blobs.message.seq)
+        elif arrival.topic == "tracks":
+            tracks = judge.message(arrival, Tracks)
+            if tracks is not None:
+                self._tracks(tracks)
+        else:
+            command = judge.message(arrival, MotionCommand)
+            if command is not None:
+                self._command(command)
+
+    def _tracks(self, received: Received[Tracks]) -> None:
+        tracks = received.message
+        self._summary.tracked += 1
+        self._outputs.tracks(tracks)
+        self._age("tracks", received, tracks.t_capture_ns)
+        if self._video is not None:
+            self._waiting[tracks.epoch, tracks.seq] = tracks
+            self._draw((tracks.epoch, tracks.seq))
+            while len(self._waiting) > _KEPT_IMAGES:
+                self._waiting.popitem(last=False)
+        self._done("tracks", tracks.epoch, tracks.seq)
+
+    def _image(self, arrival: Arrival, judge: StreamJudge) -> None:
+        header = judge.header(arrival)
+        if header is None:
+            return
+        try:
+            image = decode_image(arrival.payload, header, arrival.encoding)
+        except MessageError as error:
+            judge.refuse(arrival, error)
+            return
+        self._images[header.epoch, header.seq] = image
+        while len(self._images) > _KEPT_IMAGES:
+            self._images.popitem(last=False)
+        self._draw((header.epoch, header.seq))
+        self._done("image", header.epoch, header.seq)
+
+    def _draw(self, frame: tuple[int, int]) -> None:
+        """Draw a frame as soon as both its picture and its tracks are here."""
+        if self._video is None or frame not in self._images or frame not in self._waiting:
+            return
+        tracks = self._waiting.pop(frame)
+        fps = self.info.fps if self.info else 25.0
+        caption = f"frame {tracks.index + 1}"
+        self._video.write(self._images.pop(frame), tracks, self._target_id, caption, fps)
+
+    def _command(self, received: Received[MotionCommand]) -> None:
+        command = received.message
+        self._summary.commands += 1
+        self._outputs.command(command)
+        if command.frame is None:
+            return
+        frame = (command.frame.epoch, command.frame.seq)
+        if frame not in self._command_frames:
+            # The age that counts is that of the first command that rests on a frame.
+            self._command_frames = {frame}
+            self._age("command", received, command.frame.t_capture_ns)
+        self._done("command", *frame)
+
+    def _age(self, hop: str, received: Received[Tracks] | Received[Blobs] | Received[MotionCommand],
+             t_capture_ns: int) -> None:  # fmt: skip
+        """Note a frame's age at sending: by the wall clock when live, by residence otherwise."""
+        stamp = received.stamp
+        age_ns = stamp.age_ns if self._lossless else max(0, stamp.t_sent_ns - t_capture_ns)
+        self._summary.age(hop, age_ns * 1e-9)
+
+    def _done(self, part: str, epoch: int, seq: int) -> None:
+        if not self._lossless:
+            return
+        newest = self._join.add(part, seq)
+        if newest is not None:
+            progress = Progress(stream=CAMERA, epoch=epoch, seq=newest)
+            self._progress.put(encode(progress), encoding=Progress.encoding())

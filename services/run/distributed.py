@@ -1,0 +1,156 @@
+"""A run through the real processes: own router, own children, nothing left behind."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+import time
+from contextlib import ExitStack
+
+import zenoh
+
+from schemas import HeelError, keys
+from services.pipeline import REPEATABLE_EPOCH
+from services.run.children import Children
+from services.run.collector import CONSUMER, Collector
+from services.run.options import RunOptions
+from services.run.outputs import RunOutputs
+from services.run.progress import RunProgress
+from services.run.summary import RunSummary
+from services.runtime import process
+from services.runtime.inbox import Inbox
+from services.runtime.logs import OncePerSecond
+from services.runtime.router import open_private_router
+
+_START_TIMEOUT_S = 30.0
+_STALL_TIMEOUT_S = 60.0
+_DRAIN_S = 3.0
+_POLL_S = 0.1
+
+
+class DistributedRun:
+    """Starts the services of one run, collects what they say, and ends them."""
+
+    def __init__(self, options: RunOptions, stop: threading.Event, log: logging.Logger) -> None:
+        self._options = options
+        self._stop = stop
+        self._log = log
+        self.summary = RunSummary(mode=options.delivery)
+
+    def run(self) -> RunSummary:
+        """Run to the end of the stream, of the asked time, or until told to stop.
+
+        Raises:
+            HeelError: a service failed or hung; the files written so far are kept.
+        """
+        with ExitStack() as stack:
+            outputs = stack.enter_context(RunOutputs(self._options.out))
+            stack.callback(self.summary.write, self._options.out)
+            session, endpoint = stack.enter_context(open_private_router())
+            inbox = stack.enter_context(Inbox(session))
+            warn = OncePerSecond(self._log)
+            collector = Collector(
+                session, inbox, self._options, outputs, self.summary, warn, stack
+            )  # fmt: skip
+            children = stack.enter_context(Children(self._options.out / "logs"))
+            self._start(session, endpoint, children)
+            progress = stack.enter_context(RunProgress(self._options.progress))
+            self._collect(inbox, collector, children, progress)
+        return self.summary
+
+    def _start(self, session: zenoh.Session, endpoint: str, children: Children) -> None:
+        o = self._options
+        common = ["--connect", endpoint, "--exit-at-end", "--delivery", o.delivery]
+        common += ["--config", str(o.config)] if o.config is not None else []
+        children.start("detector", *common, "--preset", o.preset)
+        children.start("tracker", *common, "--preset", o.preset)
+        children.start("follower", *common, "--target", o.target)
+        wanted = {"detector", "tracker", "follower"}
+        if o.web_port is not None:
+            children.start("web", "--connect", endpoint, "--port", str(o.web_port))
+            wanted.add("web")
+        self._await_present(session, children, wanted)
+        self.summary.settings = _settings_in_force(session)
+        credit = ["--await-consumers", CONSUMER, "--epoch", str(REPEATABLE_EPOCH)]
+        children.start(
+            "capture", *o.capture_flags(), *common, *(credit if o.delivery == "lossless" else [])
+        )
+
+    def _await_present(self, session: zenoh.Session, children: Children, wanted: set[str]) -> None:
+        """Wait until every service has subscribed: a frame sent earlier would be lost."""
+        present: set[str] = set()
+        changed = threading.Event()
+
+        def seen(sample: zenoh.Sample) -> None:
+            present.add(str(sample.key_expr).split("/")[1])
+            changed.set()
+
+        watch = session.liveliness().declare_subscriber(keys.ALL_ALIVE, seen, history=True)
+        deadline_s = time.monotonic() + _START_TIMEOUT_S
+        while not present >= wanted and not self._stop.is_set():
+            changed.wait(_POLL_S)
+            changed.clear()
+            children.check()
+            if time.monotonic() > deadline_s:
+                missing = ", ".join(sorted(wanted - present))
+                raise HeelError(f"{missing} not up within {_START_TIMEOUT_S:g} s: see logs/")
+        watch.undeclare()  # type: ignore[no-untyped-call]
+
+    def _collect(
+        self, inbox: Inbox, collector: Collector, children: Children, progress: RunProgress
+    ) -> None:
+        started_s = newest_s = time.monotonic()
+        tracked = 0
+        until_s = started_s + (self._options.seconds or float("inf"))
+        first_s: float | None = None
+        while not collector.ended and not self._stop.is_set() and time.monotonic() < until_s:
+            arrival = inbox.get(_POLL_S)
+            if arrival is not None:
+                collector.take(arrival)
+            now_s = time.monotonic()
+            if self.summary.tracked != tracked:
+                tracked, newest_s = self.summary.tracked, now_s
+                first_s = first_s or now_s
+                progress.update(tracked, collector.info.frame_count if collector.info else None)
+            elif arrival is None:
+                children.check()
+                if now_s - newest_s > _STALL_TIMEOUT_S:
+                    raise HeelError(
+                        f"nothing tracked for {_STALL_TIMEOUT_S:g} s: see {self._options.out}/logs"
+                    )
+        self.summary.wall_s = newest_s - (first_s or started_s)
+        if not collector.ended:
+            self.summary.ended = self.summary.ended or "stopped before the end of the stream"
+        self._drain(inbox, collector, children)
+
+    def _drain(self, inbox: Inbox, collector: Collector, children: Children) -> None:
+        """Let the services end and take their last words: the health that ends each of them."""
+        ending = threading.Thread(target=self._end_children, args=(children,), daemon=True)
+        ending.start()
+        deadline_s = time.monotonic() + _DRAIN_S + 5.0
+        while time.monotonic() < deadline_s:
+            arrival = inbox.get(_POLL_S)
+            if arrival is not None:
+                collector.take(arrival)
+            elif not ending.is_alive():
+                break
+        ending.join(timeout=1.0)
+        self.summary.captured = max(self.summary.captured, self.summary.detected)
+        self.summary.cpu_s["run"] = process.cpu_s()
+        self.summary.peak_rss_mb["run"] = process.memory_mb()[1]
+
+    def _end_children(self, children: Children) -> None:
+        # After the end of the stream they end by themselves; otherwise they are told to.
+        if not self._stop.is_set() and self.summary.ended and self._options.web_port is None:
+            children.wait_all(_DRAIN_S)
+        children.end()
+
+
+def _settings_in_force(session: zenoh.Session) -> dict[str, object]:
+    """What every service answers on its config key."""
+    found: dict[str, object] = {}
+    for reply in session.get(keys.ALL_CONFIG, timeout=2.0):
+        if reply.ok is not None:
+            found |= json.loads(reply.ok.payload.to_bytes())
+    return found

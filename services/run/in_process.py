@@ -1,0 +1,61 @@
+"""The same run in one process: what the separate processes are compared with."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from contextlib import ExitStack
+
+import cv2
+
+from schemas import HeelError
+from services.pipeline import RecordedFrames, load_pipeline
+from services.run.annotate import AnnotatedVideo
+from services.run.options import RunOptions
+from services.run.outputs import RunOutputs
+from services.run.progress import RunProgress
+from services.run.summary import RunSummary
+from services.runtime import process
+
+
+def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
+    """Run the cores over a recording, one frame after the other.
+
+    Raises:
+        HeelError: the source cannot be read, or is a camera.
+    """
+    cv2.setNumThreads(1)
+    process.keep_freed_memory()
+    summary = RunSummary(mode="in-process")
+    with ExitStack() as stack:
+        frames = stack.enter_context(RecordedFrames(options.source, options.scale, options.fps))
+        if frames.source.is_live:
+            raise HeelError(f"{options.source}: --in-process takes recordings, not cameras")
+        outputs = stack.enter_context(RunOutputs(options.out))
+        stack.callback(summary.write, options.out)
+        pipeline, summary.settings = load_pipeline(options.preset, options.target, options.config)
+        video = (
+            stack.enter_context(AnnotatedVideo(options.out / "annotated.mp4"))
+            if options.annotate
+            else None
+        )
+        progress = stack.enter_context(RunProgress(options.progress))
+        started_s = time.monotonic()
+        for frame, image, source_size in itertools.islice(frames, options.frames):
+            if stop.is_set():
+                break
+            result = pipeline.step(frame, image, source_size)
+            summary.captured = summary.detected = summary.tracked = frame.seq + 1
+            summary.commands += 1
+            outputs.tracks(result.tracks)
+            outputs.command(result.command)
+            if video is not None:
+                video.write(image, result.tracks, result.target_id, f"frame {frame.index + 1}",
+                            frames.source.fps)  # fmt: skip
+            progress.update(summary.tracked, frames.source.frame_count)
+        summary.wall_s = time.monotonic() - started_s
+        summary.ended = frames.source.end_reason or "stopped before the end of the stream"
+        summary.cpu_s["run"] = process.cpu_s()
+        summary.peak_rss_mb["run"] = process.memory_mb()[1]
+    return summary

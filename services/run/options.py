@@ -1,0 +1,42 @@
+"""What `heel run` was asked to do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of one run.
+
+    Every other setting of the
+    services comes from the settings file and the environment, which all processes read.
+    """
+
+    source: str
+    out: Path
+    delivery: Literal["live", "lossless"] = "lossless"
+    preset: Literal["default", "paper"] = "default"
+    annotate: bool = False
+    target: Literal["none", "nearest"] = "nearest"
+    scale: float = 1.0
+    fps: float | None = None
+    loop: bool = False
+    frames: int | None = None
+    seconds: float | None = None
+    web_port: int | None = None
+    config: Path | None = None
+    progress: bool = True
+    on_page: Callable[[str], None] | None = None
+    """Told the live page's address once it is served."""
+
+    def capture_flags(self) -> list[str]:
+        """Flags of the capture process."""
+        flags = [self.source, "--scale", str(self.scale)]
+        flags += ["--loop"] if self.loop else []
+        flags += ["--fps", str(self.fps)] if self.fps is not None else []
+        flags += ["--frames", str(self.frames)] if self.frames is not None else []
+        return flags

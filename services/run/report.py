@@ -1,0 +1,26 @@
+"""What a run tells the person who typed it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+
+from services.run.summary import RunSummary, percentiles
+
+
+def print_summary(summary: RunSummary, out: Path) -> None:
+    """Print frames, rate, drops, ages and where the files are."""
+    console = Console(highlight=False, soft_wrap=True)
+    rate = summary.tracked / summary.wall_s if summary.wall_s > 0 else 0.0
+    console.print(
+        f"{summary.captured} frames captured, {summary.detected} detected, {summary.tracked} "
+        f"tracked in {summary.wall_s:.1f} s ({rate:.1f} frames/s); {summary.ended}"
+    )
+    lost = {name: count for name, count in summary.dropped.items() if count}
+    if lost:
+        console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in lost.items()))
+    for hop, ages in summary.ages_ms.items():
+        p = percentiles(ages)
+        console.print(f"age at {hop}: median {p['median']:.1f} ms, p99 {p['p99']:.1f} ms")
+    console.print(f"results in {out}")
