@@ -1,0 +1,8 @@
+"""A scene that Heel draws itself: people to track, with known truth and nobody's footage."""
+
+from __future__ import annotations
+
+from services.capture.scene.scene import Scene, Truth
+from services.capture.scene.settings import SceneSettings
+
+__all__ = ["Scene", "SceneSettings", "Truth"]

@@ -1,0 +1,225 @@
+"""Capture as a process: frames of a source go out as images, paced or as fast as allowed."""
+
+from __future__ import annotations
+
+import math
+import secrets
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+from schemas import CameraInfo, EndOfStream, HeelError, MessageError, Progress, decode, encode, keys
+from services.capture.credit import CreditWindow
+from services.capture.pacing import Pacer
+from services.capture.packing import StreamIdentity, fit_to_cap, pack_frame
+from services.capture.settings import CaptureSettings
+from services.capture.source import Frame, FrameSource, SourceTimeout
+from services.capture.sources import open_source
+from services.runtime import qos
+from services.runtime.publishing import Latched
+from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
+from services.runtime.settings import Loaded
+
+
+class CaptureService:
+    """Sends the frames of one source until it ends."""
+
+    def __init__(self, context: ServiceContext[CaptureSettings], source: FrameSource) -> None:
+        self._context = context
+        self._settings = context.settings
+        self._source = source
+        self._lossless = context.settings.delivery == "lossless"
+        epoch = context.settings.epoch
+        self._identity = StreamIdentity(
+            stream=context.settings.camera,
+            epoch=secrets.randbits(63) if epoch is None else epoch,
+            producer=context.producer,
+        )
+        self._pacer = None if self._lossless or source.is_live else Pacer(source.fps)
+        self._credit = CreditWindow(
+            context.settings.await_consumers, self._identity.epoch, qos.LOSSLESS_WINDOW_FRAMES
+        )
+        self._out = context.publisher(keys.image(context.settings.camera), qos.IMAGE)
+        self._info: Latched | None = None
+        self._seq = 0
+        self._shape: tuple[int, ...] | None = None
+
+    def run(self) -> None:
+        """Announce the camera, send every frame, announce the end."""
+        context = self._context
+        if self._lossless:
+            context.subscribe("progress", keys.all_progress(self._settings.camera), qos.PROGRESS)
+        with Latched(context.session, keys.info(self._settings.camera), qos.INFO) as self._info:
+            context.announce()
+            if self._lossless:
+                self._await(lambda: self._out.has_listeners, "a listener on the image topic")
+            context.log.info("%s: %dx%d at %g frames/s", self._source.name, self._source.width,
+                             self._source.height, self._source.fps)  # fmt: skip
+            try:
+                reason = self._send_all()
+            except HeelError as error:
+                # Whoever listens is told that nothing more comes, then the error goes its way.
+                self._end(str(error)[:512])
+                raise
+            self._end(reason)
+
+    def _send_all(self) -> str:
+        limit = self._settings.frames or math.inf
+        while self._context.running:
+            if self._seq >= limit:
+                return f"{self._seq} frames as asked for"
+            frame = self._read()
+            if frame is None:
+                if self._source.end_reason:
+                    return self._source.end_reason
+                continue
+            if not self._wait_until_due(frame):
+                continue
+            self._send(frame)
+        return "capture was stopped"
+
+    def _read(self) -> Frame | None:
+        """The next frame; None at the end, or when a camera is silent (then that is reported)."""
+        try:
+            frame = self._source.read(LOOP_WAIT_S)
+        except SourceTimeout:
+            frame = None
+        status = self._source.status
+        if status.state == "connected":
+            self._report(None)
+        elif status.state != "closed":
+            attempt = f", attempt {status.attempt}" if status.attempt else ""
+            self._report(f"camera {status.state}{attempt}: {status.last_error}".rstrip(": "))
+        return frame
+
+    def _wait_until_due(self, frame: Frame) -> bool:
+        """Wait until the frame may go out; False if it is skipped or the service stops."""
+        if self._lossless:
+            self._await(lambda: self._credit.may_send(self._seq), "progress")
+            return not self._context.stop.is_set()
+        if self._pacer is None:
+            return True
+        if self._pacer.frames_behind(frame.index, time.monotonic()) > 0:
+            self._context.statistics.details["skipped"] = str(
+                int(self._context.statistics.details.get("skipped", "0")) + 1
+            )
+            return False
+        while self._context.running:
+            delay_s = self._pacer.delay_s(frame.index, time.monotonic())
+            if delay_s <= 0:
+                return True
+            self._context.stop.wait(min(delay_s, LOOP_WAIT_S))
+        return False
+
+    def _send(self, frame: Frame) -> None:
+        started_ns = time.monotonic_ns()
+        acquired_ns = frame.acquired_ns or started_ns
+        age_ns = 0 if self._lossless else max(0, time.monotonic_ns() - acquired_ns)
+        t_capture_ns = (
+            round(frame.media_time_s * 1e9) if self._lossless else time.time_ns() - age_ns
+        )
+        frame = replace(frame, image=fit_to_cap(frame.image))
+        self._describe(frame)
+        header, payload = pack_frame(
+            self._identity, frame, self._seq, t_capture_ns, age_ns,
+            self._settings.image_encoding, self._settings.jpeg_quality,
+        )  # fmt: skip
+        self._out.send_bytes(payload, header.image_encoding, encode(header))
+        self._seq += 1
+        now_ns = time.monotonic_ns()
+        self._context.statistics.input(acquired_ns * 1e-9)
+        self._context.statistics.output(
+            now_ns * 1e-9, (now_ns - started_ns) * 1e-9, (now_ns - acquired_ns) * 1e-9
+        )
+
+    def _describe(self, frame: Frame) -> None:
+        """Publish the camera's description at the start and whenever the size changes."""
+        if frame.image.shape == self._shape or self._info is None:
+            return
+        height, width = frame.image.shape[:2]
+        if self._shape is not None:
+            self._context.log.warning("frame size is now %dx%d", width, height)
+        if (width, height) != (frame.source_width, frame.source_height):
+            self._context.log.info("frames of %dx%d are sent as %dx%d", frame.source_width,
+                                   frame.source_height, width, height)  # fmt: skip
+        self._shape = frame.image.shape
+        s = self._settings
+        self._info.set(
+            CameraInfo(
+                stream=s.camera,
+                epoch=self._identity.epoch,
+                width=width,
+                height=height,
+                source_width=frame.source_width,
+                source_height=frame.source_height,
+                fps=self._source.fps,
+                frame_count=self._source.frame_count,
+                source=self._source.name[:512],
+                horizontal_fov_rad=_radians(s.horizontal_fov_deg),
+                mount_height_m=s.mount_height_m,
+                mount_pitch_rad=_radians(s.mount_pitch_deg),
+            )
+        )
+
+    def _await(self, condition: Callable[[], bool], what: str) -> None:
+        """Wait for a condition that progress messages bring about.
+
+        Raises:
+            HeelError: it did not come within `consumer_timeout_s`.
+        """
+        deadline_s = time.monotonic() + self._settings.consumer_timeout_s
+        while self._context.running and not condition():
+            if time.monotonic() > deadline_s:
+                raise HeelError(
+                    f"lossless: no {what} within {self._settings.consumer_timeout_s:g} s (slowest: "
+                    f"{self._credit.slowest()}): is every service running with --delivery lossless?"
+                )
+            arrival = self._context.inbox.get(0.05, "progress")
+            if arrival is None:
+                continue
+            try:
+                progress = decode(Progress, arrival.payload, arrival.encoding)
+            except MessageError as error:
+                self._context.statistics.malformed += 1
+                self._context.warn.warning("progress", f"{arrival.key}: {error}", arrival.arrived_s)
+                continue
+            self._credit.update(arrival.key.rpartition("/")[2], progress)
+
+    def _end(self, reason: str) -> None:
+        if not self._lossless:
+            # A live receiver keeps one image only: let it take the last one before the end.
+            self._context.stop.wait(min(0.5, 2.0 / self._source.fps))
+        self._out.end(
+            EndOfStream(
+                stream=self._identity.stream,
+                epoch=self._identity.epoch,
+                frames=self._seq,
+                reason=reason[:512],
+            )
+        )
+        self._context.log.info("end of stream after %d frames: %s", self._seq, reason)
+
+    def _report(self, reason: str | None) -> None:
+        if self._context.statistics.problem("camera", reason):
+            if reason is None:
+                self._context.log.info("camera: well again")
+            else:
+                self._context.log.warning("%s", reason)
+
+
+def _radians(degrees: float | None) -> float | None:
+    return None if degrees is None else math.radians(degrees)
+
+
+def serve(context: ServiceContext[CaptureSettings]) -> None:
+    """Open the source and send it."""
+    s = context.settings
+    with open_source(
+        s.source, scale=s.scale, fps=s.fps, loop=s.loop, warn=context.log.warning
+    ) as source:
+        CaptureService(context, source).run()
+
+
+def run(loaded: Loaded[CaptureSettings]) -> int:
+    """Run the capture process; returns its exit code."""
+    return run_service("capture", loaded, serve)

@@ -1,0 +1,47 @@
+"""Settings of the capture process."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
+
+from schemas.base import Name
+from services.runtime.settings import ServiceSettings, split_list
+
+
+class CaptureSettings(ServiceSettings):
+    """Where frames come from, how fast they go out, and what is known of the camera."""
+
+    source: str = Field(
+        "scene:demo",
+        description="video file, image folder, MOTChallenge sequence, /dev/videoN, rtsp:// or "
+        "http:// address, or scene:NAME",
+        json_schema_extra={"positional": True},
+    )
+    scale: float = Field(1.0, gt=0, le=1, description="factor for both sides of every frame")
+    fps: float | None = Field(
+        None, gt=0, le=240, description="frames per second instead of the source's own"
+    )
+    loop: bool = Field(False, description="play a recording again and again")
+    frames: int | None = Field(None, ge=1, description="end after this many frames")
+    image_encoding: Literal["raw", "jpeg"] = Field(
+        "raw", description="raw on one host (shared memory), jpeg across a network"
+    )
+    jpeg_quality: int = Field(90, ge=1, le=100, description="JPEG quality, percent")
+    await_consumers: Annotated[tuple[Name, ...], BeforeValidator(split_list)] = Field(
+        (), description="lossless: whose progress lets further frames go, comma separated"
+    )
+    consumer_timeout_s: float = Field(
+        20.0, gt=0, le=600, description="lossless: longest wait for listeners or their progress"
+    )
+    epoch: int | None = Field(
+        None, ge=0, lt=2**63, description="fixed epoch for repeatable runs; random otherwise"
+    )
+    horizontal_fov_deg: float | None = Field(
+        None, gt=0, lt=180, description="horizontal field of view of the camera, degrees"
+    )
+    mount_height_m: float | None = Field(None, ge=0, le=100, description="camera above ground, m")
+    mount_pitch_deg: float | None = Field(
+        None, ge=-90, le=90, description="camera pitch, degrees, down is positive"
+    )

@@ -1,0 +1,82 @@
+"""From what a user types (a path, an address, a camera number, a scene) to an open source."""
+
+from __future__ import annotations
+
+import os
+import re
+from functools import partial
+from pathlib import Path
+
+from schemas.errors import SourceError
+from services.capture.adjust import AdjustedSource, LoopedSource, check_adjustment
+from services.capture.camera import STREAM_SCHEMES, open_device, open_stream, without_password
+from services.capture.image_folder import IMAGE_SUFFIXES, ImageFolderSource, list_images
+from services.capture.scene_source import SCENE_PREFIX, open_scene
+from services.capture.sequence import SEQUENCE_FILE, open_sequence
+from services.capture.source import FrameSource, Warn, log_warning
+from services.capture.video_file import VideoFileSource
+
+_DEVICE = re.compile(r"(?:/dev/video)?(\d{1,4})")
+_SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
+
+
+def open_source(
+    spec: str,
+    *,
+    scale: float = 1.0,
+    fps: float | None = None,
+    loop: bool = False,
+    warn: Warn = log_warning,
+) -> FrameSource:
+    """Open whatever `spec` names.
+
+    Args:
+        spec: a video file, a picture, a folder of pictures, a MOTChallenge sequence directory,
+            `/dev/videoN` or `N`, an `rtsp://` or `http://` address (and their TLS forms), or
+            `scene:NAME?seed=1&people=6&frames=400`.
+        scale: factor for both sides of every frame, in (0, 1].
+        fps: rate to use in place of the source's own, in (0, 240].
+        loop: play a recording again and again; a camera is endless as it is.
+        warn: told in one line of every defect that does not end the stream.
+
+    Raises:
+        SourceError: `spec` names nothing that can be read; the message says what to do.
+    """
+    check_adjustment(scale, fps)
+    device = _DEVICE.fullmatch(spec)
+    scheme = _SCHEME.match(spec)
+    source: FrameSource
+    if device:
+        source = open_device(int(device.group(1)), fps, warn)
+    elif scheme:
+        if scheme.group(1).lower() not in STREAM_SCHEMES:
+            raise SourceError(
+                f"{without_password(spec)}: cannot read {scheme.group(1)}://; "
+                f"give one of {', '.join(sorted(STREAM_SCHEMES))}, a path or scene:demo"
+            )
+        source = open_stream(spec, warn=warn)
+    else:
+        reopen = partial(_open_recording, spec, warn)
+        source = LoopedSource(reopen) if loop else reopen()
+    if scale == 1.0 and fps is None:
+        return source
+    return AdjustedSource(source, scale, fps)
+
+
+def _open_recording(spec: str, warn: Warn) -> FrameSource:
+    if spec.startswith(SCENE_PREFIX):
+        return open_scene(spec)
+    path = Path(spec)
+    if spec and os.path.isdir(path):
+        if (path / SEQUENCE_FILE).is_file():
+            return open_sequence(path, warn)
+        return ImageFolderSource(list_images(path), str(path), warn=warn)
+    # os.path takes a name that is too long or forbidden for one that is not there; pathlib raises.
+    if not spec or not os.path.exists(path):
+        raise SourceError(
+            f"{spec!r}: no such file or folder; give a path, /dev/videoN, an rtsp:// or http:// "
+            "address, or scene:demo"
+        )
+    if path.suffix.lower() in IMAGE_SUFFIXES and path.stat().st_size:
+        return ImageFolderSource([path], str(path), warn=warn)
+    return VideoFileSource(path, warn)

@@ -1,0 +1,81 @@
+"""Frozen cameras and the rate of playback, with times given instead of measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from services.capture.backoff import Backoff
+from services.capture.frozen import FrozenDetector
+from services.capture.pacing import Pacer
+
+A = np.zeros((48, 64, 3), np.uint8)
+B = A.copy()
+B[5, 7, 1] = 1
+"""Differs in one sample of a row that the quick comparison does not look at."""
+
+
+@pytest.mark.parametrize(
+    ("frames", "frozen"),
+    [
+        ([(A, 0.0)], [False]),
+        ([(A, 0.0), (A, 1.9), (A, 2.0)], [False, False, True]),
+        ([(A, 0.0), (A.copy(), 2.5)], [False, True]),
+        ([(A, 0.0), (B, 2.5)], [False, False]),
+        ([(A, 0.0), (A, 3.0), (B, 3.1), (B, 5.0), (B, 5.2)], [False, True, False, False, True]),
+        ([(A, 0.0), (A[:24], 2.5)], [False, False]),
+    ],
+    ids=["first", "same", "equal copy", "one sample differs", "thaws", "other size"],
+)
+def test_frozen_means_the_same_bytes_for_two_seconds(
+    frames: list[tuple[np.ndarray[tuple[int, int, int], np.dtype[np.uint8]], float]],
+    frozen: list[bool],
+) -> None:
+    detector = FrozenDetector(after_s=2.0)
+    assert [detector.update(image, now_s) for image, now_s in frames] == frozen
+
+
+def test_a_reset_starts_the_count_anew() -> None:
+    detector = FrozenDetector(after_s=2.0)
+    detector.update(A, 0.0)
+    detector.reset()
+    assert not detector.update(A, 3.0)
+
+
+def test_deadlines_do_not_drift() -> None:
+    pacer = Pacer(30.0)
+    assert pacer.due_s(0, 100.0) == 100.0
+    assert pacer.due_s(108_000, 3700.0) == pytest.approx(3700.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("index", "now_s", "delay_s", "behind"),
+    [
+        (1, 10.00, 0.04, 0),
+        (1, 10.03, 0.01, 0),
+        (1, 10.04, 0.0, 0),
+        (1, 10.07, 0.0, 0),
+        (1, 10.08, 0.0, 1),
+        (1, 10.50, 0.0, 11),
+    ],
+)
+def test_a_late_player_leaves_out_what_is_overdue(
+    index: int, now_s: float, delay_s: float, behind: int
+) -> None:
+    pacer = Pacer(25.0)
+    pacer.due_s(0, 10.0)
+    assert pacer.delay_s(index, now_s) == pytest.approx(delay_s)
+    assert pacer.frames_behind(index, now_s) == behind
+
+
+def test_after_a_resume_nothing_is_overdue() -> None:
+    pacer = Pacer(25.0)
+    pacer.due_s(0, 0.0)
+    pacer.resume(5, 60.0)
+    assert pacer.frames_behind(5, 60.0) == 0
+    assert pacer.due_s(6, 60.0) == pytest.approx(60.04)
+
+
+def test_backoff_doubles_up_to_its_limit() -> None:
+    delays = [Backoff().delay_s(attempt) for attempt in (1, 2, 3, 5, 6, 7, 100_000)]
+    assert delays == pytest.approx([0.2, 0.4, 0.8, 3.2, 5.0, 5.0, 5.0])
