@@ -1,0 +1,51 @@
+# Every target sets up what it needs from a fresh clone: Python >= 3.11, make and git are enough.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/ready
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+
+.PHONY: help demo test check lint types test-docker test-slow bench results clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
+
+$(READY): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "Heel needs Python 3.11 or newer: make PYTHON=/path/to/python3.11 ..."; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) --editable '.[dev]'
+	@# TrackEval's wheel asks for opencv-python, which would overwrite the headless build.
+	$(PIP) --no-deps trackeval
+	@touch $@
+
+demo: $(READY)  ## play a drawn scene through all services, with the live page and the scores
+	$(BIN)/heel demo
+
+test: $(READY)  ## unit and integration tests
+	$(BIN)/python -m pytest -m 'not docker and not slow'
+
+test-docker: $(READY)  ## the same services in containers
+	$(BIN)/python -m pytest -m docker
+
+test-slow: $(READY)  ## what takes minutes
+	$(BIN)/python -m pytest -m slow
+
+lint: $(READY)  ## style
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(READY)  ## types
+	$(BIN)/mypy
+
+check: lint types test  ## everything but Docker and the slow tests
+
+bench: $(READY)  ## speed, latency and memory, each against something
+	$(BIN)/python -m benchmarks.overhead
+	$(BIN)/python -m benchmarks.realtime
+
+results: $(READY)  ## score both presets on all recordings and write docs/results.md
+	$(BIN)/python -m benchmarks.accuracy --write docs/results.md
+
+clean:  ## remove the environment and caches
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,1 @@
+"""Speed, latency and memory: always against something, medians of interleaved runs."""

@@ -1,0 +1,83 @@
+"""Both presets on every static recording, scored: prints the table of docs/results.md.
+
+Protocol: every frame from the first, online, IoU 0.5, MOT15 ground truth with flag-0 rows left
+out, one setting for all recordings. Beside it stand the paper's claim and the best public figures.
+
+Example run: python -m benchmarks.accuracy --write docs/results.md
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchmarks.common import Figure, heel_run, recordings, write_json
+from evaluation.report import SequenceScores, evaluate
+from services.runtime.command_line import run_app
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+PRESETS = ("default", "paper")
+BEGIN, END = "<!-- scores: begin -->", "<!-- scores: end -->"
+_COLUMNS = ("keep", "wrong", "mota", "motp", "idf1", "hota", "idsw", "fp", "fn", "boxes", "dice")
+
+
+def measure(recording: Path, preset: str) -> tuple[SequenceScores, float]:
+    """Scores of one recording, and milliseconds a frame of the whole chain in one process."""
+    with tempfile.TemporaryDirectory() as out:
+        summary = heel_run(str(recording), Path(out), "--in-process", "--preset", preset)
+        scores = evaluate(recording, Path(out))
+    return scores, 1e3 * float(summary["wall_s"]) / max(1, int(summary["frames"]["tracked"]))
+
+
+def row(preset: str, scores: SequenceScores, milliseconds: float) -> str:
+    """One line of the Markdown table."""
+    values = (getattr(scores, column) for column in _COLUMNS)
+    cells = [f"{value:.1f}" if isinstance(value, float) else str(value) for value in values]
+    return "| " + " | ".join((scores.sequence, preset, *cells, f"{milliseconds:.1f}")) + " |"
+
+
+def table(measured: list[tuple[str, SequenceScores, float]]) -> str:
+    """The Markdown table of all measurements."""
+    head = ("sequence", "preset", "keep%", "wrong%", "MOTA", "MOTP", "IDF1", "HOTA", "IDsw", "FP",
+            "FN", "boxes", "Dice", "ms/frame")  # fmt: skip
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return "\n".join(lines + [row(*entry) for entry in measured]) + "\n"
+
+
+def replace_between(text: str, new: str) -> str:
+    """`text` with what stands between the two marks replaced."""
+    head, _, rest = text.partition(BEGIN)
+    _, _, tail = rest.partition(END)
+    return f"{head}{BEGIN}\n{new}{END}{tail}"
+
+
+@app.command()
+def main(
+    write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
+    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+) -> None:
+    """Score both presets on all static recordings."""
+    measured = []
+    figures = []
+    for recording in recordings():
+        for preset in PRESETS:
+            scores, milliseconds = measure(recording, preset)
+            measured.append((preset, scores, milliseconds))
+            typer.echo(row(preset, scores, milliseconds), err=True)
+            name = f"accuracy/{recording.name}/{preset}"
+            figures += [
+                Figure(f"{name}/{column}", float(getattr(scores, column)), "%", "", None, 1)
+                for column in ("mota", "motp", "idf1", "keep", "wrong")
+            ]
+    text = table(measured)
+    typer.echo(text)
+    if write is not None:
+        write.write_text(replace_between(write.read_text("utf-8"), text), encoding="utf-8")
+    write_json(figures, json)
+
+
+if __name__ == "__main__":
+    run_app(app)

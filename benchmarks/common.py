@@ -1,0 +1,89 @@
+"""What every benchmark shares: running `heel run`, interleaving, medians, and the JSON report."""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from schemas.errors import HeelError
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+STATIC_SEQUENCES = (
+    "PETS09-S2L1", "PETS09-S3MF1", "TUD-Campus", "TownCentre-A", "TownCentre-B", "TownCentre-C",
+)  # fmt: skip
+_RUN_TIMEOUT_S = 900
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured figure; `ratio` is `value` divided by the value it is compared with."""
+
+    name: str
+    value: float
+    unit: str
+    against: str
+    ratio: float | None
+    runs: int
+
+
+def data_folder() -> Path:
+    """The evaluation recordings: `HEEL_DATA`, by default `../shared/data` beside the project."""
+    return Path(os.environ.get("HEEL_DATA", REPOSITORY.parent / "shared" / "data"))
+
+
+def recordings() -> list[Path]:
+    """The static recordings that are here.
+
+    Raises:
+        HeelError: none is.
+    """
+    found = [data_folder() / name for name in STATIC_SEQUENCES]
+    found = [path for path in found if path.is_dir()]
+    if not found:
+        raise HeelError(f"no recordings in {data_folder()}: set HEEL_DATA to their folder")
+    return found
+
+
+def heel_run(source: str, out: Path, *flags: str) -> dict[str, Any]:
+    """Run `heel run` in a process of its own and return its summary.
+
+    Raises:
+        HeelError: it failed.
+    """
+    done = subprocess.run(
+        [sys.executable, "-m", "services", "run", source, "--out", str(out), *flags],
+        capture_output=True, text=True, timeout=_RUN_TIMEOUT_S, check=False,
+    )  # fmt: skip
+    if done.returncode != 0:
+        raise HeelError(f"heel run {source}: {done.stderr.strip() or done.stdout.strip()}")
+    summary: dict[str, Any] = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    return summary
+
+
+def interleaved(runs: int, *candidates: Callable[[], float]) -> list[list[float]]:
+    """Measure candidates in turn, so that whatever else the machine does hits all of them alike."""
+    values: list[list[float]] = [[] for _ in candidates]
+    for turn in range(runs):
+        order = list(enumerate(candidates))
+        for index, candidate in order if turn % 2 == 0 else reversed(order):
+            values[index].append(candidate())
+    return values
+
+
+def median(values: Sequence[float]) -> float:
+    """The median, which one disturbed run does not move."""
+    return statistics.median(values)
+
+
+def write_json(figures: Sequence[Figure], file: Path | None) -> None:
+    """Write the figures as a JSON list, if a file was asked for."""
+    if file is not None:
+        text = json.dumps([asdict(figure) for figure in figures], indent=2)
+        file.write_text(text + "\n", encoding="utf-8")
