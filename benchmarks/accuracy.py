@@ -14,8 +14,9 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.common import Figure, heel_run, recordings, write_json
+from benchmarks.common import Figure, heel_run, name_of, recordings, write_json
 from evaluation.report import SequenceScores, evaluate
+from services.pipeline import scene_truth
 from services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -24,12 +25,22 @@ BEGIN, END = "<!-- scores: begin -->", "<!-- scores: end -->"
 _COLUMNS = ("keep", "wrong", "mota", "motp", "idf1", "hota", "idsw", "fp", "fn", "boxes", "dice")
 
 
-def measure(recording: Path, preset: str) -> tuple[SequenceScores, float]:
+def measure(recording: str, preset: str) -> tuple[SequenceScores, float]:
     """Scores of one recording, and milliseconds a frame of the whole chain in one process."""
     with tempfile.TemporaryDirectory() as out:
-        summary = heel_run(str(recording), Path(out), "--in-process", "--preset", preset)
-        scores = evaluate(recording, Path(out))
+        summary = heel_run(recording, Path(out), "--in-process", "--preset", preset)
+        scores = evaluate(truth_of(recording, Path(out)), Path(out))
+    scores = scores.model_copy(update={"sequence": name_of(recording)})
     return scores, 1e3 * float(summary["wall_s"]) / max(1, int(summary["frames"]["tracked"]))
+
+
+def truth_of(source: str, folder: Path) -> Path:
+    """Ground truth of a recording, or of a drawn scene (written into `folder`)."""
+    if not source.startswith("scene:"):
+        return Path(source)
+    truth = folder / "gt.txt"
+    truth.write_text("".join(scene_truth(source).rows), encoding="ascii")
+    return truth
 
 
 def row(preset: str, scores: SequenceScores, milliseconds: float) -> str:
@@ -57,17 +68,18 @@ def replace_between(text: str, new: str) -> str:
 @app.command()
 def main(
     write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
+    recording: Annotated[list[str] | None, typer.Option(help="score these sources instead")] = None,
     json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
 ) -> None:
     """Score both presets on all static recordings."""
     measured = []
     figures = []
-    for recording in recordings():
+    for source in recordings(recording):
         for preset in PRESETS:
-            scores, milliseconds = measure(recording, preset)
+            scores, milliseconds = measure(source, preset)
             measured.append((preset, scores, milliseconds))
             typer.echo(row(preset, scores, milliseconds), err=True)
-            name = f"accuracy/{recording.name}/{preset}"
+            name = f"accuracy/{name_of(source)}/{preset}"
             figures += [
                 Figure(f"{name}/{column}", float(getattr(scores, column)), "%", "", None, 1)
                 for column in ("mota", "motp", "idf1", "keep", "wrong")

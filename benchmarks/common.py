@@ -38,17 +38,24 @@ def data_folder() -> Path:
     return Path(os.environ.get("HEEL_DATA", REPOSITORY.parent / "shared" / "data"))
 
 
-def recordings() -> list[Path]:
-    """The static recordings that are here.
+def recordings(chosen: Sequence[str] | None = None) -> list[str]:
+    """Sources to measure on: the chosen ones, or the static recordings that are here.
 
     Raises:
         HeelError: none is.
     """
+    if chosen:
+        return list(chosen)
     found = [data_folder() / name for name in STATIC_SEQUENCES]
     found = [path for path in found if path.is_dir()]
     if not found:
         raise HeelError(f"no recordings in {data_folder()}: set HEEL_DATA to their folder")
-    return found
+    return [str(path) for path in found]
+
+
+def name_of(source: str) -> str:
+    """What a table calls a source."""
+    return source if source.startswith("scene:") else Path(source).name
 
 
 def heel_run(source: str, out: Path, *flags: str) -> dict[str, Any]:

@@ -16,26 +16,26 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.common import Figure, heel_run, interleaved, median, recordings, write_json
+from benchmarks.common import Figure, heel_run, interleaved, median, name_of, recordings, write_json
 from services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-def measure(recording: Path, runs: int) -> tuple[float, float, int]:
+def measure(recording: str, runs: int) -> tuple[float, float, int]:
     """Median wall seconds through processes and in one process, and the number of frames."""
     frames = 0
 
     def through_processes() -> float:
         nonlocal frames
         with tempfile.TemporaryDirectory() as out:
-            summary = heel_run(str(recording), Path(out), "--lossless")
+            summary = heel_run(recording, Path(out), "--lossless")
         frames = int(summary["frames"]["tracked"])
         return float(summary["wall_s"])
 
     def in_process() -> float:
         with tempfile.TemporaryDirectory() as out:
-            return float(heel_run(str(recording), Path(out), "--in-process")["wall_s"])
+            return float(heel_run(recording, Path(out), "--in-process")["wall_s"])
 
     separate, together = interleaved(runs, through_processes, in_process)
     return median(separate), median(together), frames
@@ -44,18 +44,21 @@ def measure(recording: Path, runs: int) -> tuple[float, float, int]:
 @app.command()
 def main(
     runs: Annotated[int, typer.Option(help="runs of each, interleaved", min=1)] = 5,
+    recording: Annotated[
+        list[str] | None, typer.Option(help="measure on these sources instead")
+    ] = None,
     json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
 ) -> None:
     """Compare the processes with the in-process pipeline on six recordings."""
     table = Table("recording", "frames", "processes s", "in process s", "ratio")
     figures = []
-    for recording in recordings():
-        separate_s, together_s, frames = measure(recording, runs)
+    for source in recordings(recording):
+        separate_s, together_s, frames = measure(source, runs)
         ratio = separate_s / together_s
-        table.add_row(recording.name, str(frames), f"{separate_s:.2f}", f"{together_s:.2f}",
+        table.add_row(name_of(source), str(frames), f"{separate_s:.2f}", f"{together_s:.2f}",
                       f"{ratio:.3f}")  # fmt: skip
         figures.append(
-            Figure(f"overhead/{recording.name}", separate_s, "s", "in-process", ratio, runs)
+            Figure(f"overhead/{name_of(source)}", separate_s, "s", "in-process", ratio, runs)
         )
     ratios = [figure.ratio for figure in figures if figure.ratio is not None]
     table.add_section()

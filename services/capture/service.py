@@ -100,9 +100,7 @@ class CaptureService:
         if self._pacer is None:
             return True
         if self._pacer.frames_behind(frame.index, time.monotonic()) > 0:
-            self._context.statistics.details["skipped"] = str(
-                int(self._context.statistics.details.get("skipped", "0")) + 1
-            )
+            self._context.statistics.dropped += 1
             return False
         while self._context.running:
             delay_s = self._pacer.delay_s(frame.index, time.monotonic())

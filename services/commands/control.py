@@ -27,6 +27,7 @@ from schemas import (
 
 if TYPE_CHECKING:
     import zenoh
+    from rich.table import Table
 
 _TIMEOUT_S = 2.0
 _HEALTH_WAIT_S = 1.5
@@ -155,7 +156,6 @@ def _estop(engaged: bool, connect: str | None, namespace: str | None, config: Pa
 def status(connect: Connect = None, namespace: Namespace = None, config: Config = None) -> None:
     """Show which services run, how they are, and what the follower is doing."""
     from rich.console import Console
-    from rich.table import Table
     from zenoh.handlers import RingChannel
 
     seen: dict[str, Health] = {}
@@ -176,13 +176,25 @@ def status(connect: Connect = None, namespace: Namespace = None, config: Config 
         state = _ask(session, keys.FOLLOW_STATE, FollowState)
     if not seen:
         raise HeelError("no service is running here: start some with `heel demo`")
-    table = Table(
-        "service", "state", "in/s", "out/s", "dropped", "age p99 ms", "memory MB", "reason"
-    )
-    for name, h in sorted(seen.items()):
-        table.add_row(name, h.state, f"{h.rate_in_hz:.1f}", f"{h.rate_out_hz:.1f}", str(h.dropped),
-                      f"{h.age_ms_p99:.1f}", f"{h.rss_mb:.0f}", h.reason)  # fmt: skip
-    console = Console()
-    console.print(table)
+    console = Console(soft_wrap=True, highlight=False)
+    console.print(_health_table(seen))
+    for name, health in sorted(seen.items()):
+        if health.reason:
+            console.print(f"{name}: {health.reason}")
     if isinstance(state, FollowState):
         console.print(f"follower: {state.state} ({state.reason}), target {_shown(state.target)}")
+
+
+def _health_table(seen: dict[str, Health]) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for title in ("service", "state", "in/s", "out/s", "dropped", "p99 ms", "MB"):
+        table.add_column(title, no_wrap=True)
+    for name, h in sorted(seen.items()):
+        rates = (f"{h.rate_in_hz:.1f}", f"{h.rate_out_hz:.1f}")
+        table.add_row(
+            name, h.state, *rates, str(h.dropped), f"{h.age_ms_p99:.1f}", f"{h.rss_mb:.0f}"
+        )
+    return table

@@ -115,13 +115,20 @@ class FollowerService:
             self._follower.observe(received.message, received.stamp.producer)
         return True
 
-    def _publish(self, now_s: float, age_s: float | None) -> None:
+    def _publish(self, now_s: float, judged_age_s: float | None) -> None:
+        """Send the command of this moment.
+
+        Args:
+            now_s: monotonic time, or the stream's in a lossless run.
+            judged_age_s: age of the tracks by that clock; the true age goes into the stamp.
+        """
         started_s = time.monotonic()
         with self._lock:
-            command = self._follower.step(now_s, age_s)
+            command = self._follower.step(now_s, judged_age_s)
             state = self._follower.state
-        self._out.send(command, age_s or 0.0)
-        self._context.statistics.output(started_s, time.monotonic() - started_s, age_s or 0.0)
+        age_s = 0.0 if self._newest is None else self._newest.age_s(time.monotonic())
+        self._out.send(command, age_s)
+        self._context.statistics.output(started_s, time.monotonic() - started_s, age_s)
         self._tell(state)
 
     def _tell(self, state: FollowState) -> None:

@@ -88,6 +88,9 @@ class Collector:
         self._ended: set[str] = set()
         self.info: CameraInfo | None = None
         self._page_told = False
+        self.first_frame_s: float | None = None
+        """Monotonic time at which the first frame was acquired, transit not counted."""
+        self.last_frame_s = 0.0
 
     @property
     def ended(self) -> bool:
@@ -113,7 +116,7 @@ class Collector:
     def _side(self, arrival: Arrival) -> None:
         if arrival.topic == "health":
             health = decode(Health, arrival.payload, arrival.encoding)
-            self._summary.dropped[health.service] = health.dropped
+            self._summary.missing[health.service] = health.dropped
             self._summary.malformed[health.service] = health.malformed
             self._summary.cpu_s[health.service] = health.cpu_s
             self._summary.peak_rss_mb[health.service] = health.peak_rss_mb
@@ -157,6 +160,9 @@ class Collector:
     def _tracks(self, received: Received[Tracks]) -> None:
         tracks = received.message
         self._summary.tracked += 1
+        if self.first_frame_s is None:
+            self.first_frame_s = received.arrived_s - received.stamp.age_ns * 1e-9
+        self.last_frame_s = received.arrived_s
         self._outputs.tracks(tracks)
         self._age("tracks", received, tracks.t_capture_ns)
         if self._video is not None:

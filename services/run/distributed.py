@@ -103,7 +103,6 @@ class DistributedRun:
         started_s = newest_s = time.monotonic()
         tracked = 0
         until_s = started_s + (self._options.seconds or float("inf"))
-        first_s: float | None = None
         while not collector.ended and not self._stop.is_set() and time.monotonic() < until_s:
             arrival = inbox.get(_POLL_S)
             if arrival is not None:
@@ -111,7 +110,6 @@ class DistributedRun:
             now_s = time.monotonic()
             if self.summary.tracked != tracked:
                 tracked, newest_s = self.summary.tracked, now_s
-                first_s = first_s or now_s
                 progress.update(tracked, collector.info.frame_count if collector.info else None)
             elif arrival is None:
                 children.check()
@@ -119,7 +117,8 @@ class DistributedRun:
                     raise HeelError(
                         f"nothing tracked for {_STALL_TIMEOUT_S:g} s: see {self._options.out}/logs"
                     )
-        self.summary.wall_s = newest_s - (first_s or started_s)
+        if collector.first_frame_s is not None:
+            self.summary.wall_s = collector.last_frame_s - collector.first_frame_s
         if not collector.ended:
             self.summary.ended = self.summary.ended or "stopped before the end of the stream"
         self._drain(inbox, collector, children)

@@ -17,7 +17,7 @@ def print_summary(summary: RunSummary, out: Path) -> None:
         f"{summary.captured} frames captured, {summary.detected} detected, {summary.tracked} "
         f"tracked in {summary.wall_s:.1f} s ({rate:.1f} frames/s); {summary.ended}"
     )
-    lost = {name: count for name, count in summary.dropped.items() if count}
+    lost = {name: count for name, count in summary.dropped().items() if count}
     if lost:
         console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in lost.items()))
     for hop, ages in summary.ages_ms.items():

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+_CHAIN = ("detector", "tracker", "follower")
 _LIBRARIES = ("heel-follow", "eclipse-zenoh", "opencv-python-headless", "numpy", "scipy", "msgpack",
               "pydantic")  # fmt: skip
 
@@ -26,7 +27,8 @@ class RunSummary:
     commands: int = 0
     wall_s: float = 0.0
     ended: str = ""
-    dropped: dict[str, int] = field(default_factory=dict)
+    missing: dict[str, int] = field(default_factory=dict)
+    """Frames that never reached each service, by the gaps in its input."""
     malformed: dict[str, int] = field(default_factory=dict)
     cpu_s: dict[str, float] = field(default_factory=dict)
     peak_rss_mb: dict[str, float] = field(default_factory=dict)
@@ -37,6 +39,16 @@ class RunSummary:
         """Note how old a frame was when a hop's result was sent."""
         self.ages_ms.setdefault(hop, []).append(age_s * 1e3)
 
+    def dropped(self) -> dict[str, int]:
+        """Frames lost by each service itself: a gap is not charged again further down the chain."""
+        found = {"capture": self.missing.get("capture", 0)}
+        upstream = 0
+        for service in _CHAIN:
+            missing = self.missing.get(service, 0)
+            found[service] = max(0, missing - upstream)
+            upstream = max(upstream, missing)
+        return found
+
     def as_json(self) -> dict[str, Any]:
         """The object that is written."""
         return {
@@ -46,7 +58,7 @@ class RunSummary:
                 "captured": self.captured, "detected": self.detected, "tracked": self.tracked,
             },
             "commands": self.commands,
-            "dropped": self.dropped,
+            "dropped": self.dropped(),
             "malformed": self.malformed,
             "wall_s": round(self.wall_s, 3),
             "fps": round(self.tracked / self.wall_s, 2) if self.wall_s > 0 else 0.0,

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import typer
 from pydantic import BaseModel
@@ -112,8 +112,8 @@ def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
 
 def _metavar(annotation: Any) -> str:
     choices = get_args(annotation)
-    if choices and all(isinstance(choice, str) for choice in choices):
-        return "|".join(choices)
+    if get_origin(annotation) is Literal:
+        return "|".join(map(str, choices))
     for kind in (*choices, annotation):
         if kind in (int, float):
             return "NUMBER"

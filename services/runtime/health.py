@@ -12,6 +12,7 @@ from schemas import Health, encode, keys
 from schemas.base import Name
 from services.runtime import process, qos
 from services.runtime.counters import ServiceStatistics
+from services.runtime.health_file import HealthFile
 
 PERIOD_S = 1.0
 HUNG_S = 2.0
@@ -29,8 +30,10 @@ class HealthReporter(threading.Thread):
         producer: str,
         statistics: ServiceStatistics,
         log: logging.Logger,
+        file: HealthFile | None = None,
     ) -> None:
         super().__init__(name="health", daemon=True)
+        self._file = file
         self._service, self._instance, self._producer = service, instance, producer
         self._statistics = statistics
         self._log = log
@@ -62,6 +65,8 @@ class HealthReporter(threading.Thread):
                               health.reason)  # fmt: skip
             self._state = health.state
         self._publisher.put(encode(health), encoding=Health.encoding())
+        if self._file is not None and (failure := self._file.write(health.state, health.reason)):
+            self._log.warning("%s", failure)
 
     def compose(self, now_s: float, ended: bool = False) -> Health:
         """The health message of this moment."""

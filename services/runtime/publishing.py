@@ -52,7 +52,9 @@ class StreamPublisher:
     @property
     def has_listeners(self) -> bool:
         """Whether anybody subscribes to this key at present."""
-        return self._publisher.matching_status
+        # The stub promises a bool; the binding gives an object, and objects are true (zenoh 1.10).
+        status = self._publisher.matching_status
+        return bool(getattr(status, "matching", status))
 
 
 class Latched:

@@ -27,6 +27,7 @@ from schemas.errors import HeelError, SettingsError
 from services.runtime import process
 from services.runtime.counters import ServiceStatistics
 from services.runtime.health import HealthReporter
+from services.runtime.health_file import HealthFile
 from services.runtime.inbox import Arrival, Inbox
 from services.runtime.logs import OncePerSecond, set_up_logging
 from services.runtime.publishing import StreamPublisher
@@ -161,7 +162,8 @@ def _serve(
     producer = f"{name}/{settings.instance}@{secrets.token_hex(4)}"
     with ExitStack() as stack:
         answer_config(stack, session, name, settings.instance, loaded)
-        health = HealthReporter(session, name, settings.instance, producer, statistics, log)
+        file = None if settings.health_file is None else HealthFile(settings.health_file)
+        health = HealthReporter(session, name, settings.instance, producer, statistics, log, file)
         stack.callback(health.finish)
         inbox = stack.enter_context(Inbox(session))
 

@@ -19,7 +19,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -31,6 +31,7 @@ from pydantic import (
     create_model,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_settings import (
     BaseSettings,
     EnvSettingsSource,
@@ -53,6 +54,20 @@ class StrictSettings(BaseModel):
     """Immutable settings in which an unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_choices(cls, data: Any) -> Any:
+        """Flags and the environment are text, and pydantic does not take "3" for Literal[3]."""
+        if not isinstance(data, dict):
+            return data
+        return {name: _as_choice(cls.model_fields.get(name), value) for name, value in data.items()}
+
+
+def _as_choice(field: FieldInfo | None, value: object) -> object:
+    if field is None or get_origin(field.annotation) is not Literal or not isinstance(value, str):
+        return value
+    return next((one for one in get_args(field.annotation) if str(one) == value), value)
 
 
 def split_list(value: object) -> object:
@@ -116,6 +131,9 @@ class ServiceSettings(StrictSettings):
     )
     exit_at_end: bool = Field(
         False, description="end when the stream ends, instead of waiting for the next one"
+    )
+    health_file: Path | None = Field(
+        None, description="file renewed every second with the state, for a container's check"
     )
 
 

@@ -19,6 +19,8 @@ from services.runtime.inbox import Arrival
 from services.runtime.logs import OncePerSecond
 from services.runtime.qos import TopicQos
 
+SHARED_MEMORY_MIN_BYTES = 3072
+"""Zenoh's default threshold: smaller messages go through the socket."""
 PRODUCER_STALE_S = 0.5
 """A silent producer keeps its consumers this long before they move to another."""
 _RIVAL_S = 2.0
@@ -118,7 +120,7 @@ class StreamJudge:
     def message(self, arrival: Arrival, kind: type[M]) -> Received[M] | None:
         """Decode and judge a message with a `Stamp`; None if it is not to be used."""
         try:
-            self._check_size(arrival)
+            self._check_payload(arrival)
             stamp = decode(Stamp, arrival.attachment or b"")
             message = decode(kind, arrival.payload, arrival.encoding)
         except MessageError as error:
@@ -131,19 +133,21 @@ class StreamJudge:
     def header(self, arrival: Arrival) -> Header | None:
         """Decode and judge an image's header; None if the image is not to be used."""
         try:
-            self._check_size(arrival)
+            self._check_payload(arrival)
             header = decode(Header, arrival.attachment or b"")
         except MessageError as error:
             self.refuse(arrival, error)
             return None
         return header if self._current(header.producer, header, arrival) else None
 
-    def _check_size(self, arrival: Arrival) -> None:
+    def _check_payload(self, arrival: Arrival) -> None:
         if arrival.size > self.qos.max_bytes:
             raise MessageError(
                 f"{self.topic}: {arrival.size} bytes exceed the cap of {self.qos.max_bytes}: "
                 "send less in one message"
             )
+        if self.primary and arrival.size >= SHARED_MEMORY_MIN_BYTES:
+            self.statistics.shared_memory = arrival.by_shared_memory
 
     def _current(self, producer: str, frame: FrameId, arrival: Arrival) -> bool:
         now_s = arrival.arrived_s

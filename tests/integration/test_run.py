@@ -7,12 +7,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+
+from tests.support.network import wait_until
 
 SCENE = "scene:crossing?frames=60&width=320&height=240"
 HEEL = [sys.executable, "-m", "services"]
@@ -39,14 +40,6 @@ def processes_using(folder: Path) -> list[int]:
         if f"HEEL_TEST_RUN={folder}".encode() in environment:
             found.append(int(entry.name))
     return found
-
-
-def wait_until(condition: object, what: str, timeout_s: float = 20.0) -> None:
-    deadline_s = time.monotonic() + timeout_s
-    assert callable(condition)
-    while not condition():
-        assert time.monotonic() < deadline_s, f"{what} within {timeout_s} s"
-        time.sleep(0.02)
 
 
 @pytest.fixture(scope="module")

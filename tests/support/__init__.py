@@ -1,0 +1,1 @@
+"""What tests share: a Zenoh network of their own, processes that never outlive them, messages."""

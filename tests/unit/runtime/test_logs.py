@@ -1,0 +1,101 @@
+"""Text for people, JSON lines for machines, and no flood of either."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+from services.runtime.logs import OncePerSecond, set_up_logging
+from services.runtime.settings import LogSettings
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        """As a terminal would."""
+        return True
+
+
+@pytest.fixture(autouse=True)
+def untouched_root() -> Iterator[None]:
+    root = logging.getLogger()
+    handlers, level = list(root.handlers), root.level
+    yield
+    root.handlers[:], root.level = handlers, level
+
+
+def written(
+    monkeypatch: pytest.MonkeyPatch, settings: LogSettings, stream: io.StringIO
+) -> tuple[logging.Logger, io.StringIO]:
+    monkeypatch.setattr(sys, "stderr", stream)
+    return set_up_logging(settings, "tracker"), stream
+
+
+@pytest.mark.parametrize(
+    ("form", "terminal", "is_json"),
+    [("auto", True, False), ("auto", False, True), ("text", False, False), ("json", True, True)],
+)
+def test_the_format_follows_the_setting_and_auto_asks_the_terminal(
+    form: str, terminal: bool, is_json: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = LogSettings.model_validate({"format": form})
+    log, stream = written(monkeypatch, settings, Terminal() if terminal else io.StringIO())
+    log.warning("stale %s", "tracks")
+    assert stream.getvalue().startswith("{") == is_json
+    assert "stale tracks" in stream.getvalue()
+
+
+def test_json_lines_are_one_object_a_line_with_extras_and_traceback(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    log, stream = written(monkeypatch, LogSettings(format="json"), io.StringIO())
+    log.info("two\nlines", extra={"seq": 7, "odd": object()})
+    try:
+        raise ValueError("reason")
+    except ValueError:
+        log.exception("failed")
+    first, second = (json.loads(line) for line in stream.getvalue().splitlines())
+    assert (first["message"], first["level"], first["logger"]) == (
+        "two\nlines", "info", "heel.tracker",
+    )  # fmt: skip
+    assert first["seq"] == 7
+    assert first["t"].endswith("Z")
+    assert "ValueError: reason" in second["traceback"]
+
+
+def test_less_severe_lines_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    log, stream = written(monkeypatch, LogSettings(level="warning"), io.StringIO())
+    log.info("quiet")
+    assert stream.getvalue() == ""
+
+
+def test_setting_up_twice_writes_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    written(monkeypatch, LogSettings(), io.StringIO())
+    log, stream = written(monkeypatch, LogSettings(), io.StringIO())
+    log.warning("once")
+    assert len(stream.getvalue().splitlines()) == 1
+
+
+def test_one_line_of_a_kind_per_second_and_the_rest_is_counted(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    warn = OncePerSecond(logging.getLogger("heel.test"))
+    for step in range(25):
+        warn.warning("size", "too large", 100.0 + step * 0.1)
+    warn.warning("version", "too new", 100.0)
+    assert caplog.messages == [
+        "too large", "too large (9 more like it)", "too large (9 more like it)", "too new",
+    ]  # fmt: skip
+
+
+def test_endless_new_kinds_do_not_fill_the_memory() -> None:
+    warn = OncePerSecond(logging.getLogger("heel.test"), max_kinds=8)
+    for kind in range(1000):
+        warn.warning(f"kind {kind}", "x", 0.0)
+    assert len(warn._last_s) <= 8

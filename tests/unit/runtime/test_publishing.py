@@ -1,0 +1,132 @@
+"""Streams go out with a stamp and an end; latched values reach those who come late."""
+
+from __future__ import annotations
+
+import pytest
+import zenoh
+
+from schemas import EndOfStream, EStop, FollowState, Progress, Stamp, Target, decode
+from schemas.base import MAX_AGE_NS
+from services.runtime import qos
+from services.runtime.publishing import Latched, StreamPublisher
+from tests.support.arrivals import PRODUCER
+from tests.support.network import DEADLINE_S, collected, wait_until
+
+
+def stop(source: str) -> EStop:
+    return EStop(engaged=True, source=source)
+
+
+def asked(session: zenoh.Session, key: str) -> list[EStop]:
+    """What a late joiner is told."""
+    replies = session.get(key, timeout=2.0)
+    return [
+        decode(EStop, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
+        for reply in replies
+        if reply.ok is not None
+    ]
+
+
+@pytest.mark.parametrize(
+    ("age_s", "age_ns"),
+    [(0.25, 250_000_000), (-1.0, 0), (1e12, MAX_AGE_NS)],
+)
+def test_results_carry_their_stamp_whatever_the_age(
+    age_s: float, age_ns: int, sender: zenoh.Session, receiver: zenoh.Session
+) -> None:
+    with collected(receiver, "out/stream") as samples:
+        out = StreamPublisher(sender, "out/stream", qos.TRACKS, "live", PRODUCER)
+        wait_until(lambda: out.has_listeners, "a listener")
+        message = Progress(stream="front", epoch=1, seq=2)
+        out.send(message, age_s)
+        sample = samples.get(timeout=DEADLINE_S)
+    assert decode(Progress, sample.payload.to_bytes(), str(sample.encoding)) == message
+    assert sample.attachment is not None
+    stamp = decode(Stamp, sample.attachment.to_bytes())
+    assert (stamp.producer, stamp.age_ns) == (PRODUCER, age_ns)
+    assert (sample.priority, sample.express) == (qos.TRACKS.priority, qos.TRACKS.express)
+
+
+def test_the_end_comes_behind_the_last_result(
+    sender: zenoh.Session, receiver: zenoh.Session
+) -> None:
+    with collected(receiver, "out/end") as samples:
+        out = StreamPublisher(sender, "out/end", qos.TRACKS, "lossless", PRODUCER)
+        wait_until(lambda: out.has_listeners, "a listener")
+        for seq in range(20):
+            out.send(Progress(stream="front", epoch=1, seq=seq), 0.0)
+        end = EndOfStream(stream="front", epoch=1, frames=20, reason="end of file")
+        out.end(end)
+        got = [samples.get(timeout=DEADLINE_S) for _ in range(21)]
+    assert [str(s.encoding) for s in got] == [Progress.encoding()] * 20 + [EndOfStream.encoding()]
+    assert decode(EndOfStream, got[-1].payload.to_bytes()) == end
+
+
+def test_listeners_are_noticed_when_they_come_and_go(
+    sender: zenoh.Session, receiver: zenoh.Session
+) -> None:
+    out = StreamPublisher(sender, "out/listeners", qos.TRACKS, "live", PRODUCER)
+    assert not out.has_listeners
+    with collected(receiver, "out/listeners"):
+        wait_until(lambda: out.has_listeners, "the listener")
+    wait_until(lambda: not out.has_listeners, "the listener gone")
+
+
+def test_late_joiners_get_the_newest_latched_value(
+    sender: zenoh.Session, receiver: zenoh.Session
+) -> None:
+    with Latched(sender, "out/latched", qos.ESTOP) as value:
+        value.set(stop("first"))
+        value.set(stop("second"))
+        wait_until(lambda: asked(receiver, "out/latched") == [stop("second")], "the answer")
+
+
+def test_a_latched_topic_without_value_answers_nothing(
+    sender: zenoh.Session, receiver: zenoh.Session
+) -> None:
+    with Latched(sender, "out/empty", qos.ESTOP):
+        assert asked(receiver, "out/empty") == []
+
+
+def test_changes_are_published_and_kept_values_are_not(
+    sender: zenoh.Session, receiver: zenoh.Session
+) -> None:
+    with collected(receiver, "out/kept") as samples:
+        with Latched(sender, "out/kept", qos.ESTOP) as value:
+            value.keep(stop("heard elsewhere"))
+            assert asked(receiver, "out/kept") == [stop("heard elsewhere")]
+            value.set(stop("told"))
+            sample = samples.get(timeout=DEADLINE_S)
+    assert decode(EStop, sample.payload.to_bytes()) == stop("told")
+    assert samples.empty()
+
+
+def test_after_leaving_nobody_answers(sender: zenoh.Session, receiver: zenoh.Session) -> None:
+    with Latched(sender, "out/left", qos.ESTOP) as value:
+        value.set(stop("once"))
+    wait_until(lambda: asked(receiver, "out/left") == [], "silence")
+
+
+def test_every_topic_has_room_for_its_largest_message() -> None:
+    assert qos.STATE.max_bytes == FollowState.max_bytes
+    assert qos.TARGET.max_bytes == Target.max_bytes
+
+
+def test_motion_commands_are_never_latched_and_stops_always_arrive() -> None:
+    assert qos.COMMAND.capacity == 1
+    assert qos.COMMAND.congestion == zenoh.CongestionControl.DROP
+    assert qos.ESTOP.congestion == zenoh.CongestionControl.BLOCK
+    for topic in (qos.COMMAND, qos.ESTOP):
+        assert topic.priority == zenoh.Priority.REAL_TIME
+        assert topic.express
+
+
+@pytest.mark.parametrize("topic", [qos.IMAGE, qos.BLOBS, qos.TRACKS])
+def test_lossless_delivery_blocks_and_never_overflows_within_the_window(
+    topic: qos.TopicQos,
+) -> None:
+    assert topic.for_delivery("live") == topic
+    lossless = topic.for_delivery("lossless")
+    assert lossless.congestion == zenoh.CongestionControl.BLOCK
+    assert lossless.capacity > qos.LOSSLESS_WINDOW_FRAMES
+    assert (lossless.priority, lossless.max_bytes) == (topic.priority, topic.max_bytes)

@@ -1,0 +1,230 @@
+"""Which producer is believed, what is missing, what is refused, and how that is told."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from schemas import EndOfStream, Header, Message, Progress, Stamp, Tracks, encode
+from services.runtime import qos
+from services.runtime.counters import ServiceStatistics
+from services.runtime.logs import OncePerSecond
+from services.runtime.streams import PRODUCER_STALE_S, ProducerGate, SequenceWatch, StreamJudge
+from tests.support.arrivals import PRODUCER, arrival, arrival_of, frame
+
+_RIVAL = "tracker/other@00000002"
+
+
+def tracks(seq: int, epoch: int = 1) -> Tracks:
+    return Tracks(
+        **frame(seq, epoch).model_dump(), width=64, height=48, source_width=64, source_height=48
+    )
+
+
+@pytest.fixture
+def judge() -> StreamJudge:
+    warn = OncePerSecond(logging.getLogger("heel.test"))
+    return StreamJudge("tracks", qos.TRACKS, ServiceStatistics(), warn)
+
+
+def test_the_first_producer_is_kept_while_it_sends() -> None:
+    gate = ProducerGate()
+    assert gate.accepts("a", 0.0)
+    assert not gate.accepts("b", 0.1)
+    assert gate.accepts("a", 0.4)
+    assert not gate.accepts("b", 0.8)
+    assert gate.current == "a"
+
+
+def test_another_producer_takes_over_when_the_first_is_stale() -> None:
+    gate = ProducerGate()
+    gate.accepts("a", 0.0)
+    assert not gate.accepts("b", PRODUCER_STALE_S)
+    assert gate.accepts("b", PRODUCER_STALE_S + 0.01)
+    assert not gate.accepts("a", PRODUCER_STALE_S + 0.02)
+
+
+def test_rivals_are_named_while_they_are_heard() -> None:
+    gate = ProducerGate()
+    gate.accepts("a", 0.0)
+    gate.accepts("c", 0.1)
+    gate.accepts("b", 0.2)
+    assert gate.rivals(0.3) == ["b", "c"]
+    assert gate.rivals(2.15) == ["b"]
+    assert gate.rivals(5.0) == []
+
+
+def test_a_rival_that_takes_over_is_no_rival_any_more() -> None:
+    gate = ProducerGate()
+    gate.accepts("a", 0.0)
+    gate.accepts("b", 0.1)
+    assert gate.accepts("b", 1.0)
+    assert gate.rivals(1.0) == []
+
+
+def test_endless_new_producers_do_not_fill_the_memory() -> None:
+    gate = ProducerGate()
+    for number in range(1000):
+        gate.accepts(f"p{number}", 0.0)
+    assert len(gate.rivals(0.0)) <= 16
+
+
+@pytest.mark.parametrize(
+    ("seqs", "fresh", "missing"),
+    [
+        ([0, 1, 2], [True, True, True], 0),
+        ([5, 6], [True, True], 0),
+        ([0, 3, 4], [True, True, True], 2),
+        ([0, 0, 1], [True, False, True], 0),
+        ([4, 2, 3, 5], [True, False, False, True], 0),
+        ([0, 10, 1, 11], [True, True, False, True], 9),
+    ],
+)
+def test_sequence_gaps_are_counted_and_old_frames_refused(
+    seqs: list[int], fresh: list[bool], missing: int
+) -> None:
+    watch = SequenceWatch()
+    assert [watch.fresh(frame(seq)) for seq in seqs] == fresh
+    assert watch.missing == missing
+
+
+def test_a_new_epoch_starts_over_without_gap() -> None:
+    watch = SequenceWatch()
+    assert watch.fresh(frame(100, epoch=1))
+    assert watch.fresh(frame(0, epoch=2))
+    assert watch.fresh(frame(7, epoch=3))
+    assert watch.missing == 0
+
+
+def test_absurd_gaps_never_exceed_what_health_can_carry() -> None:
+    watch = SequenceWatch()
+    for epoch in range(4):
+        watch.fresh(frame(0, epoch))
+        watch.fresh(frame(1, epoch).model_copy(update={"seq": 2**63 - 1}))
+    assert watch.missing == 2**63 - 1
+
+
+def test_good_messages_are_received_with_stamp_and_age(judge: StreamJudge) -> None:
+    received = judge.message(arrival_of(tracks(3), 10.0, age_ns=250_000_000), Tracks)
+    assert received is not None
+    assert received.message == tracks(3)
+    assert received.stamp.producer == PRODUCER
+    assert received.age_s(10.5) == pytest.approx(0.75)
+    assert received.age_s(9.0) == pytest.approx(0.25)
+    assert judge.statistics.malformed == 0
+
+
+_GOOD = encode(tracks(0))
+_STAMP = encode(Stamp(producer=PRODUCER, t_sent_ns=0, age_ns=0))
+_END = encode(EndOfStream(stream="front", epoch=1, frames=1, reason="end"))
+
+
+@pytest.mark.parametrize(
+    ("payload", "encoding", "attachment", "words"),
+    [
+        (b"", Tracks.encoding(), _STAMP, "tracks: not msgpack"),
+        (b"\xc1garbage", Tracks.encoding(), _STAMP, "tracks: not msgpack"),
+        (_GOOD[:-1], Tracks.encoding(), _STAMP, "tracks: not msgpack"),
+        (_GOOD, "application/x-msgpack;tracks.v2", _STAMP, "tracks.v2"),
+        (_GOOD, "application/json", _STAMP, "application/json"),
+        (_GOOD, "", _STAMP, "encoding ''"),
+        (_GOOD.replace(b"\xa1v\x01", b"\xa1v\x02"), Tracks.encoding(), _STAMP, "version 2"),
+        (bytes(qos.TRACKS.max_bytes + 1), Tracks.encoding(), _STAMP, "exceed the cap of 262144"),
+        (_GOOD, Tracks.encoding(), None, "stamp: not msgpack"),
+        (_GOOD, Tracks.encoding(), b"", "stamp: not msgpack"),
+        (_GOOD, Tracks.encoding(), bytes(10_000), "stamp: 10000 bytes exceed the cap of 512"),
+        (_END, Tracks.encoding(), _STAMP, "tracks: seq"),
+    ],
+    ids=["empty", "garbage", "cut off", "encoding version", "JSON", "no encoding", "version",
+         "oversized", "no stamp", "empty stamp", "oversized stamp", "another message"],
+)  # fmt: skip
+def test_malformed_messages_are_counted_named_and_dropped(
+    payload: bytes, encoding: str, attachment: bytes | None, words: str,
+    judge: StreamJudge, caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    bad = arrival(payload, encoding, attachment)
+    assert judge.message(bad, Tracks) is None
+    assert judge.statistics.malformed == 1
+    (line,) = caplog.messages
+    assert line.startswith("cam/front/tracks: ")
+    assert words in line
+    assert judge.message(arrival_of(tracks(0)), Tracks) is not None
+
+
+def test_malformed_messages_are_told_once_a_second(
+    judge: StreamJudge, caplog: pytest.LogCaptureFixture
+) -> None:
+    for step in range(30):
+        judge.message(arrival(b"", Tracks.encoding(), None, 50.0 + step * 0.05), Tracks)
+    assert judge.statistics.malformed == 30
+    assert len(caplog.messages) == 2
+    assert caplog.messages[1].endswith("(19 more like it)")
+
+
+def test_malformed_messages_leave_producer_and_sequence_as_they_were(judge: StreamJudge) -> None:
+    stamp = encode(Stamp(producer=_RIVAL, t_sent_ns=0, age_ns=0))
+    judge.message(arrival(b"\xc1", Tracks.encoding(), stamp), Tracks)
+    assert judge.gate.current is None
+    assert judge.message(arrival_of(tracks(0)), Tracks) is not None
+
+
+@pytest.mark.parametrize("payload", [b"", b"\xc1", _GOOD, _END[:-1]])
+def test_malformed_ends_do_not_end_the_stream(payload: bytes, judge: StreamJudge) -> None:
+    assert judge.end(arrival(payload, EndOfStream.encoding(), None)) is None
+    assert judge.statistics.malformed == 1
+
+
+def test_an_end_counts_only_under_its_own_encoding(judge: StreamJudge) -> None:
+    assert judge.end(arrival(_END, "application/x-msgpack;end.v2", None)) is None
+    end = judge.end(arrival(_END, EndOfStream.encoding(), None))
+    assert end is not None
+    assert end.frames == 1
+
+
+def test_headers_of_images_are_judged_without_touching_the_pixels(judge: StreamJudge) -> None:
+    header = Header(
+        **frame(0).model_dump(), width=2, height=2, source_width=2, source_height=2,
+        image_encoding="image/raw;bgr8", producer="capture/main@00000003",
+    )  # fmt: skip
+    pixels = arrival(bytes(12), "image/raw;bgr8", encode(header))
+    assert judge.header(pixels) == header
+    assert judge.header(pixels) is None, "the same frame again"
+    assert judge.header(arrival(bytes(12), "image/raw;bgr8", None)) is None
+    assert judge.header(arrival(bytes(qos.TRACKS.max_bytes + 1), "", encode(header))) is None
+    assert judge.statistics.malformed == 2
+
+
+def test_gaps_are_the_dropped_frames_of_the_primary_stream_only(judge: StreamJudge) -> None:
+    for message in (tracks(0), tracks(4)):
+        judge.message(arrival_of(message), Tracks)
+    assert judge.statistics.dropped == 3
+    judge.primary = False
+    judge.message(arrival_of(tracks(9)), Tracks)
+    assert judge.statistics.dropped == 3
+
+
+def test_two_live_producers_are_a_problem_that_names_both(
+    judge: StreamJudge, caplog: pytest.LogCaptureFixture
+) -> None:
+    for step in range(10):
+        assert judge.message(arrival_of(tracks(step), step * 0.04), Tracks) is not None
+        assert judge.message(arrival_of(tracks(step), step * 0.04, _RIVAL), Tracks) is None
+    (problem,) = judge.statistics.problems()
+    assert f"{PRODUCER} (in use) and {_RIVAL}" in problem
+    assert caplog.messages == [problem]
+    assert judge.message(arrival_of(tracks(10), 2.5), Tracks) is not None
+    assert judge.statistics.problems() == []
+
+
+def test_a_replaced_producer_goes_on_where_the_first_stopped(judge: StreamJudge) -> None:
+    judge.message(arrival_of(tracks(5), 0.0), Tracks)
+    assert judge.message(arrival_of(tracks(5), 1.0, _RIVAL), Tracks) is None, "seen already"
+    assert judge.message(arrival_of(tracks(6), 1.1, _RIVAL), Tracks) is not None
+    assert judge.statistics.problems() == []
+
+
+def test_messages_without_a_frame_are_not_judged_by_sequence(judge: StreamJudge) -> None:
+    progress: Message = Progress(stream="front", epoch=1, seq=0)
+    for _ in range(2):
+        assert judge.message(arrival_of(progress), Progress) is not None
