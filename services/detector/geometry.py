@@ -1,0 +1,66 @@
+"""The working size: every frame is brought under a bound before any pixel is looked at."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.base import BoxXyxy
+
+# Under the schema's 2048 pixels a side; two bit planes of this size stay under its byte cap even
+# when zlib cannot shrink them.
+MAX_WORK_SIDE_PX = 2048
+MAX_WORK_PIXELS = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class WorkSize:
+    """Frame size and the size at which it is looked at, pixels."""
+
+    frame_width: int
+    frame_height: int
+    width: int
+    height: int
+
+    @classmethod
+    def of_frame(cls, frame_width: int, frame_height: int, work_width_px: int) -> WorkSize:
+        """The largest size of the same shape within all bounds; never larger than the frame."""
+        scale = min(
+            1.0,
+            work_width_px / frame_width,
+            MAX_WORK_SIDE_PX / frame_height,
+            math.sqrt(MAX_WORK_PIXELS / (frame_width * frame_height)),
+        )
+        width, height = (max(1, int(side * scale)) for side in (frame_width, frame_height))
+        return cls(frame_width, frame_height, width, height)
+
+    @property
+    def scale_x(self) -> float:
+        """Frame pixels per working pixel, horizontally."""
+        return self.frame_width / self.width
+
+    @property
+    def scale_y(self) -> float:
+        """Frame pixels per working pixel, vertically."""
+        return self.frame_height / self.height
+
+    def shrink(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """(frame_height, frame_width, 3) uint8 to (height, width, 3)."""
+        if (self.width, self.height) == (self.frame_width, self.frame_height):
+            return image
+        size = (self.width, self.height)
+        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+    def to_frame(self, box: tuple[int, int, int, int]) -> BoxXyxy:
+        """A working box left, top, width, height as a frame box xyxy."""
+        left, top, width, height = box
+        return (
+            left * self.scale_x,
+            top * self.scale_y,
+            (left + width) * self.scale_x,
+            (top + height) * self.scale_y,
+        )

@@ -1,0 +1,171 @@
+"""The cores called one after the other in one process: what the separate processes must equal.
+
+This is the one module beside the command line that knows several services; nothing in them knows
+it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas import Blobs, FrameId, MotionCommand, Tracks
+from services.capture.packing import fit_to_cap
+from services.capture.scene_source import open_scene
+from services.capture.sources import open_source
+from services.detector.core import Detector
+from services.detector.settings import DetectorServiceSettings, DetectorSettings
+from services.follower.core import Follower
+from services.follower.settings import FollowerServiceSettings, FollowerSettings
+from services.runtime.settings import Loaded, load_settings
+from services.tracker.core import Tracker
+from services.tracker.settings import TrackerServiceSettings, TrackerSettings
+
+REPEATABLE_EPOCH = 1
+"""Epoch of lossless runs of recordings, so that their messages are the same bytes every time."""
+_LEAST_VISIBLE = 0.25
+_TRACKER = "tracker/main@00000000"
+
+
+class InProcessPipeline:
+    """Detector and tracker with the fixed feedback lag of a lossless run."""
+
+    def __init__(self, detector: DetectorSettings, tracker: TrackerSettings) -> None:
+        self._detector = Detector(detector)
+        self._tracker = Tracker(tracker)
+        self._recent: deque[Tracks] = deque(maxlen=detector.feedback_lag_frames)
+
+    def step(
+        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
+    ) -> tuple[Blobs, Tracks]:
+        """Process one frame; it is protected with the tracks of exactly `lag` frames before.
+
+        Args:
+            frame: which frame this is; seq goes up by one within an epoch.
+            image: (H, W, 3) uint8 BGR.
+            source_size: width and height before capture scaled the frame, pixels.
+        """
+        lag = self._detector.settings.feedback_lag_frames
+        wanted = (frame.epoch, frame.seq - lag)
+        feedback = next((old for old in self._recent if (old.epoch, old.seq) == wanted), None)
+        blobs = self._detector.detect(frame, image, source_size, feedback)
+        tracks = self._tracker.update(blobs)
+        self._recent.append(tracks)
+        return blobs, tracks
+
+
+@dataclass(frozen=True)
+class PipelineResult:
+    """What one frame led to."""
+
+    blobs: Blobs
+    tracks: Tracks
+    command: MotionCommand
+    target_id: int | None
+
+
+class FollowingPipeline:
+    """Detector, tracker and follower, with the stream as their clock."""
+
+    def __init__(
+        self, detector: DetectorSettings, tracker: TrackerSettings, follower: FollowerSettings
+    ) -> None:
+        self._perception = InProcessPipeline(detector, tracker)
+        self._follower = Follower(follower)
+
+    def step(
+        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
+    ) -> PipelineResult:
+        """Process one frame; arguments as `InProcessPipeline.step`."""
+        blobs, tracks = self._perception.step(frame, image, source_size)
+        self._follower.observe(tracks, _TRACKER)
+        command = self._follower.step(frame.t_capture_ns * 1e-9, 0.0)
+        return PipelineResult(blobs, tracks, command, self._follower.target.track_id)
+
+
+def load_pipeline(
+    preset: str, target: str, file: Path | None
+) -> tuple[FollowingPipeline, dict[str, Any]]:
+    """The cores with the settings that the processes would read, and those settings to show.
+
+    Raises:
+        SettingsError: as `load_settings`.
+    """
+    detector: Loaded[DetectorServiceSettings] = load_settings(
+        "detector", DetectorServiceSettings, {"detector": {"preset": preset}}, file
+    )
+    tracker: Loaded[TrackerServiceSettings] = load_settings(
+        "tracker", TrackerServiceSettings, {"tracker": {"preset": preset}}, file
+    )
+    follower: Loaded[FollowerServiceSettings] = load_settings(
+        "follower", FollowerServiceSettings, {"follower": {"target": target}}, file
+    )
+    shown = detector.shown("detector") | tracker.shown("tracker") | follower.shown("follower")
+    return FollowingPipeline(detector.service, tracker.service, follower.service), shown
+
+
+class RecordedFrames:
+    """The frames of a recording as a lossless capture process would send them.
+
+    Raises:
+        SourceError: the source cannot be opened.
+    """
+
+    def __init__(self, spec: str, scale: float = 1.0, fps: float | None = None) -> None:
+        self.source = open_source(spec, scale=scale, fps=fps)
+
+    def __enter__(self) -> RecordedFrames:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        tb: TracebackType | None,
+    ) -> None:
+        self.source.close()
+
+    def __iter__(self) -> Iterator[tuple[FrameId, NDArray[np.uint8], tuple[int, int]]]:
+        """Frame id, image and source size of every frame."""
+        seq = 0
+        while (frame := self.source.read()) is not None:
+            frame_id = FrameId(
+                stream="front", epoch=REPEATABLE_EPOCH, seq=seq, index=frame.index,
+                t_capture_ns=round(frame.media_time_s * 1e9),
+            )  # fmt: skip
+            yield frame_id, fit_to_cap(frame.image), (frame.source_width, frame.source_height)
+            seq += 1
+
+
+@dataclass(frozen=True)
+class SceneTruth:
+    """Ground truth of a drawn scene: MOTChallenge rows, pixels and frames counted from 1."""
+
+    frame_count: int
+    rows: tuple[str, ...]
+
+
+def scene_truth(spec: str) -> SceneTruth:
+    """What is really to be seen in a drawn scene; people hardly visible carry flag 0.
+
+    Raises:
+        SourceError: the scene is unknown.
+    """
+    scene = open_scene(spec).scene
+    rows = []
+    for index in range(scene.frame_count):
+        for person in scene.truth(index):
+            left, top, right, bottom = person.box_xyxy
+            flag = int(person.visible_fraction >= _LEAST_VISIBLE)
+            rows.append(
+                f"{index + 1},{person.person_id},{left + 1:.2f},{top + 1:.2f},"
+                f"{right - left:.2f},{bottom - top:.2f},{flag},-1,-1,-1\n"
+            )
+    return SceneTruth(scene.frame_count, tuple(rows))

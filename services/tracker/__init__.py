@@ -1,0 +1,1 @@
+"""Blobs to people with identities: motion, association, occlusion, identity at the split."""

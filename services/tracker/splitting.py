@@ -1,0 +1,69 @@
+"""A group's blob has fallen into parts: who is in which."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from services.tracker import boxes
+from services.tracker.clusters import Cluster, slots_of
+from services.tracker.features import FeatureExtractor
+from services.tracker.identity import Retention, cost_matrix, retain
+from services.tracker.lifecycle import Person
+from services.tracker.settings import TrackerSettings
+from services.tracker.view import Sighting, View
+
+_UNINFORMATIVE = 1.0
+"""Cost of a place among several people, whose pixels are mixed: the mean of all costs."""
+
+
+def split(
+    people: Sequence[Person],
+    parts: Sequence[Sighting],
+    view: View,
+    features: FeatureExtractor,
+    settings: TrackerSettings,
+) -> list[tuple[Cluster, Sighting]]:
+    """Give each person to a part by the features from before the merge.
+
+    Args:
+        people: the group, all with reference features.
+        parts: 2 to `len(people)` blobs.
+        view: the frame.
+        features: the feature extractor the references were made with.
+        settings: sharpness of the identity confidence.
+
+    Returns:
+        Per part the people in it, identities decided and positions moved there.
+    """
+    slots = slots_of(parts, len(people))
+    decision = _decide(people, parts, slots, view, features, settings)
+    clusters = []
+    for index, part in enumerate(parts):
+        members = [
+            person
+            for person, slot in zip(people, decision.slots, strict=True)
+            if slots[slot] == index
+        ]
+        for person in members:
+            person.filter.place(boxes.kept_inside(person.box, part.box))
+        clusters.append((Cluster(members, part.box), part))
+    for person, confidence in zip(people, decision.confidence, strict=True):
+        person.identified(confidence)
+    return clusters
+
+
+def _decide(
+    people: Sequence[Person],
+    parts: Sequence[Sighting],
+    slots: Sequence[int],
+    view: View,
+    features: FeatureExtractor,
+    settings: TrackerSettings,
+) -> Retention:
+    current = [features.extract(part.pixels, view.mask(part)) for part in parts]
+    references = [person.reference or {} for person in people]
+    costs = cost_matrix(references, [current[slot] for slot in slots], features.weights)
+    for column, slot in enumerate(slots):
+        if slots.count(slot) > 1:
+            costs[:, column] = _UNINFORMATIVE
+    return retain(costs, settings.identity_sharpness)

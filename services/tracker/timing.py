@@ -1,0 +1,24 @@
+"""Time between frames, from their acquisition times alone."""
+
+from __future__ import annotations
+
+FIRST_STEP_S = 0.04
+MIN_STEP_S, MAX_STEP_S = 0.001, 5.0
+
+
+class FrameClock:
+    """Turns acquisition times into steps that a motion model can bear."""
+
+    def __init__(self) -> None:
+        self._last_ns: int | None = None
+        self._step_s = FIRST_STEP_S
+
+    def elapsed_s(self, t_capture_ns: int) -> float:
+        """Seconds since the frame before, `MIN_STEP_S` to `MAX_STEP_S`.
+
+        A clock that stands still or runs backwards repeats the step before.
+        """
+        if self._last_ns is not None and t_capture_ns > self._last_ns:
+            self._step_s = (t_capture_ns - self._last_ns) / 1e9
+        self._last_ns = t_capture_ns
+        return min(MAX_STEP_S, max(MIN_STEP_S, self._step_s))
