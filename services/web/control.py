@@ -1,0 +1,174 @@
+"""What the page can do to the robot: choose a target, stop it, resume.
+
+Called from the HTTP side. A stop has a thread of its own, so that it never waits behind a
+follower that takes its time to answer a choice.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import ExitStack, suppress
+from typing import Any
+
+from zenoh.handlers import FifoChannel
+
+from schemas import EStop, HeelError, Target, TargetRequest, decode, encode, keys
+from services.runtime import qos
+from services.runtime.publishing import Latched
+from services.runtime.service import ServiceContext
+from services.web.estop import StopLatch
+from services.web.settings import WebServiceSettings
+from services.web.worker import BusyError, Worker
+
+_MAX_ERROR_TEXT = 300
+_MAX_WAITING = 8
+# What Zenoh itself puts in an error reply when nobody answered in time.
+_ZENOH_TIMEOUT = "Timeout"
+
+
+class TargetRefusedError(HeelError):
+    """The follower said no, and why."""
+
+
+class NoFollowerError(HeelError):
+    """Nobody answered."""
+
+
+class RouterAwayError(HeelError):
+    """What was asked for cannot be sent now, and must not be sent later."""
+
+
+class Control:
+    """Target and emergency stop, towards Zenoh.
+
+    Args:
+        context: of the running service.
+        resources: closes what is opened here.
+    """
+
+    def __init__(self, context: ServiceContext[WebServiceSettings], resources: ExitStack) -> None:
+        self._session = context.session
+        self._producer = context.producer
+        self._log = context.log
+        self._timeout_s = context.settings.target_timeout_s
+        self._lock = threading.Lock()
+        self._latch = StopLatch()
+        self._estop = resources.enter_context(
+            Latched(context.session, keys.FOLLOW_ESTOP, qos.ESTOP)
+        )
+        self.stops = Worker("stop", _MAX_WAITING, resources)
+        """Does `stop` and `resume`, in the order they were asked for."""
+        self.choices = Worker("target", _MAX_WAITING, resources)
+        """Does `choose`."""
+
+    @property
+    def connected(self) -> bool:
+        """Whether a router, or in peer mode anybody, is connected at present."""
+        info = self._session.info
+        return bool(info.routers_zid() or info.peers_zid())
+
+    def choose(self, request: TargetRequest) -> Target:
+        """Ask the follower for a target; blocks until its answer or the timeout.
+
+        Raises:
+            TargetRefusedError: the follower's reason.
+            NoFollowerError: no answer in time.
+            MessageError: the answer is not a target.
+        """
+        replies = self._session.get(
+            keys.FOLLOW_TARGET,
+            FifoChannel(8),
+            payload=encode(request),
+            encoding=request.encoding(),
+            timeout=self._timeout_s,
+        )
+        refusal: str | None = None
+        for reply in replies:
+            if reply.ok is not None:
+                return decode(Target, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
+            if reply.err is not None:
+                refusal = _text(reply.err.payload.to_bytes())
+        if refusal is None or refusal == _ZENOH_TIMEOUT:
+            raise NoFollowerError(
+                f"no answer from the follower within {self._timeout_s:g} s: is it running?"
+            )
+        raise TargetRefusedError(refusal)
+
+    def stop(self, who: str) -> None:
+        """Engage the emergency stop; it is said again until the follower confirms it."""
+        source = self._source(who)
+        with self._lock:
+            self._latch.engage(source, time.monotonic())
+        self._send(True, source)
+        self._log.warning("STOP by %s", who)
+
+    def resume(self, who: str) -> None:
+        """Release the emergency stop.
+
+        Raises:
+            RouterAwayError: a resume must not take effect at some later time.
+        """
+        if not self.connected:
+            raise RouterAwayError("the router is away: resume when it is back")
+        source = self._source(who)
+        with self._lock:
+            self._latch.release(source)
+        self._send(False, source)
+        self._log.warning("resume by %s", who)
+
+    def repeat_stop(self, now_s: float) -> None:
+        """Say a stop again that nobody has confirmed; returns at once."""
+        with self._lock:
+            if not self._latch.repeat_due(now_s):
+                return
+            source = self._latch.source
+        # Busy with other stops: then one is on its way anyway.
+        with suppress(BusyError):
+            self.stops.submit(lambda: self._repeat(source))
+
+    def hear(self, estop: EStop) -> None:
+        """Take note of a message on `follow/estop` and answer with it from now on."""
+        with self._lock:
+            self._latch.hear(estop.engaged, estop.source)
+        self._estop.keep(estop)
+
+    def follower_says(self, stopped: bool) -> None:
+        """Take note of the follower's own word, and keep it for a follower that restarts."""
+        with self._lock:
+            before = self._latch.engaged
+            self._latch.follower_says(stopped)
+            now, source = self._latch.engaged, self._latch.source
+        if now != before:
+            self._estop.keep(_estop(now, source or "the follower"))
+
+    def stop_status(self, now_s: float) -> dict[str, Any]:
+        """What the page shows of the emergency stop."""
+        with self._lock:
+            pending_s = self._latch.pending_s(now_s)
+            return {
+                "engaged": self._latch.engaged,
+                "source": self._latch.source,
+                "pending_s": None if pending_s is None else round(pending_s, 2),
+            }
+
+    def _repeat(self, source: str) -> None:
+        # Released meanwhile: a stop that is late must not undo a resume.
+        with self._lock:
+            wanted = self._latch.engaged
+        if wanted:
+            self._send(True, source)
+
+    def _send(self, engaged: bool, source: str) -> None:
+        self._estop.set(_estop(engaged, source))
+
+    def _source(self, who: str) -> str:
+        return f"{self._producer} {who}"[:96]
+
+
+def _estop(engaged: bool, source: str) -> EStop:
+    return EStop(engaged=engaged, source=source, t_ns=time.time_ns())
+
+
+def _text(payload: bytes) -> str:
+    return " ".join(payload.decode(errors="replace").split())[:_MAX_ERROR_TEXT]

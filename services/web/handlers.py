@@ -1,0 +1,241 @@
+"""The page's HTTP and WebSocket interface."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from schemas import MessageError
+from services.web.control import (
+    Control,
+    NoFollowerError,
+    RouterAwayError,
+    TargetRefusedError,
+)
+from services.web.guard import HostGuard
+from services.web.hub import Hub, Viewer
+from services.web.requests import (
+    MAX_BODY_BYTES,
+    BadRequestError,
+    acknowledged_number,
+    target_request,
+)
+from services.web.worker import BusyError
+
+STATIC_FILES = {
+    "index.html": "text/html",
+    "style.css": "text/css",
+    "app.js": "text/javascript",
+    "picture.js": "text/javascript",
+    "panel.js": "text/javascript",
+    "link.js": "text/javascript",
+    "icon.svg": "image/svg+xml",
+}
+HUNG_S = 2.0
+_BODY_TIMEOUT_S = 2.0
+_STOP_TIMEOUT_S = 1.0
+_SNAPSHOT_TIMEOUT_S = 2.0
+_HEARTBEAT_S = 5.0
+_HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+}
+
+_Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """What the handlers work with."""
+
+    hub: Hub
+    control: Control
+    guard: HostGuard
+
+    def application(self) -> web.Application:
+        """The aiohttp application."""
+        app = web.Application(client_max_size=MAX_BODY_BYTES, middlewares=[self._protect])
+        app.on_response_prepare.append(_add_headers)
+        app.add_routes([web.get("/", _static("index.html"))])
+        app.add_routes([web.get(f"/{name}", _static(name)) for name in STATIC_FILES])
+        app.add_routes(
+            [
+                web.get("/ws", self._viewer),
+                web.get("/healthz", self._healthz),
+                web.get("/snapshot.jpg", self._snapshot),
+                web.get("/api/state", self._state),
+                web.post("/api/target", self._target),
+                web.post("/api/stop", self._stop),
+                web.post("/api/resume", self._resume),
+            ]
+        )
+        return app
+
+    @web.middleware
+    async def _protect(self, request: web.Request, handler: _Handler) -> web.StreamResponse:
+        acts = request.method not in ("GET", "HEAD") or request.path == "/ws"
+        refusal = self.guard.refusal(request.headers, acts)
+        if refusal is not None:
+            return _error(403, refusal)
+        try:
+            return await handler(request)
+        except web.HTTPException as error:
+            return _error(error.status, error.text or error.reason)
+        except BadRequestError as error:
+            return _error(400, str(error))
+        except BusyError as error:
+            return _error(429, str(error))
+
+    async def _healthz(self, _request: web.Request) -> web.Response:
+        _, age_s = self.hub.status()
+        if age_s > HUNG_S:
+            return _error(503, f"the service loop has hung for {age_s:.1f} s")
+        return web.json_response({"ok": True, "viewers": self.hub.viewer_count})
+
+    async def _state(self, _request: web.Request) -> web.Response:
+        status, age_s = self.hub.status()
+        return web.json_response(status | {"status_age_s": round(age_s, 3)})
+
+    async def _snapshot(self, _request: web.Request) -> web.Response:
+        with self.hub.viewer() as viewer:
+            if viewer is None:
+                return _error(503, "all viewers' places are taken: raise --max-viewers")
+            frame = await viewer.next_frame(_SNAPSHOT_TIMEOUT_S)
+        if frame is None:
+            return _error(503, f"no picture within {_SNAPSHOT_TIMEOUT_S:g} s: is capture running?")
+        return web.Response(
+            body=frame.jpeg,
+            content_type="image/jpeg",
+            headers={"X-Heel-Seq": str(frame.header["seq"])},
+        )
+
+    async def _target(self, request: web.Request) -> web.Response:
+        wanted = target_request(await _body(request))
+        control = self.control
+        try:
+            target = await asyncio.wrap_future(
+                control.choices.submit(lambda: control.choose(wanted))
+            )
+        except TargetRefusedError as error:
+            return _error(409, str(error))
+        except NoFollowerError as error:
+            return _error(504, str(error))
+        except MessageError as error:
+            return _error(502, str(error))
+        return web.json_response(target.model_dump())
+
+    async def _stop(self, request: web.Request) -> web.Response:
+        # Whatever the body says: nothing but a wrong origin keeps a stop from going out.
+        who = request.remote or "unknown"
+        sending = asyncio.wrap_future(self.control.stops.submit(lambda: self.control.stop(who)))
+        try:
+            await asyncio.wait_for(asyncio.shield(sending), _STOP_TIMEOUT_S)
+        except TimeoutError:
+            return _error(504, "the stop has not gone out yet; it will be repeated")
+        return web.json_response({"connected": self.control.connected})
+
+    async def _resume(self, request: web.Request) -> web.Response:
+        await _body(request)
+        who = request.remote or "unknown"
+        try:
+            await asyncio.wrap_future(self.control.stops.submit(lambda: self.control.resume(who)))
+        except RouterAwayError as error:
+            return _error(503, str(error))
+        return web.json_response({"connected": True})
+
+    async def _viewer(self, request: web.Request) -> web.StreamResponse:
+        socket = web.WebSocketResponse(
+            heartbeat=_HEARTBEAT_S, timeout=0.5, max_msg_size=1024, compress=False
+        )
+        if not socket.can_prepare(request):
+            return _error(426, "this address speaks WebSocket only")
+        with self.hub.viewer() as viewer:
+            if viewer is None:
+                return _error(503, "all viewers' places are taken: raise --max-viewers")
+            await socket.prepare(request)
+            request.app[SOCKETS].add(socket)
+            sending = asyncio.create_task(_send(socket, viewer))
+            try:
+                await _receive(socket, viewer)
+            finally:
+                request.app[SOCKETS].discard(socket)
+                sending.cancel()
+                await asyncio.wait([sending])
+        return socket
+
+
+SOCKETS = web.AppKey("sockets", set[web.WebSocketResponse])
+
+
+async def _send(socket: web.WebSocketResponse, viewer: Viewer) -> None:
+    queue = viewer.queue
+    try:
+        while not socket.closed:
+            await viewer.news.wait()
+            viewer.news.clear()
+            if (status := queue.take_status()) is not None:
+                await socket.send_str(status)
+            if (taken := queue.take_frame()) is not None:
+                number, frame = taken
+                await socket.send_bytes(frame.pack(number, queue.dropped))
+    except ConnectionError:
+        # The viewer left while something was on its way to it.
+        return
+
+
+async def _receive(socket: web.WebSocketResponse, viewer: Viewer) -> None:
+    async for message in socket:
+        try:
+            if message.type is not WSMsgType.TEXT:
+                raise BadRequestError('viewers send {"ack": number} and nothing else')
+            if not viewer.queue.acknowledge(acknowledged_number(message.data)):
+                raise BadRequestError("acknowledged a picture that was not sent")
+        except BadRequestError as error:
+            await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=str(error).encode()[:120])
+            return
+        viewer.news.set()
+
+
+async def _body(request: web.Request) -> bytes:
+    if request.content_type != "application/json":
+        raise web.HTTPUnsupportedMediaType(text="send Content-Type: application/json")
+    try:
+        async with asyncio.timeout(_BODY_TIMEOUT_S):
+            return await request.read()
+    except TimeoutError:
+        raise web.HTTPRequestTimeout(text="the body did not come in time") from None
+
+
+async def _add_headers(_request: web.Request, response: web.StreamResponse) -> None:
+    for name, value in _HEADERS.items():
+        response.headers.setdefault(name, value)
+
+
+def _static(name: str) -> Callable[[web.Request], Awaitable[web.Response]]:
+    # Read once: the pages then work from a read-only root, a wheel or a zip alike.
+    body = resources.files("services.web").joinpath("static", name).read_bytes()
+    content_type = STATIC_FILES[name]
+    charset = None if content_type.startswith("image/") else "utf-8"
+
+    async def serve(_request: web.Request) -> web.Response:
+        return web.Response(body=body, content_type=content_type, charset=charset)
+
+    return serve
+
+
+def _error(status: int, reason: str) -> web.Response:
+    payload: dict[str, Any] = {"error": " ".join(reason.split())[:300]}
+    return web.json_response(payload, status=status)

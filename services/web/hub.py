@@ -1,0 +1,118 @@
+"""From the service loop to the viewers: one bounded bridge into asyncio, then a queue each."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from services.web.frames import ViewFrame
+from services.web.viewer import ViewerQueue
+
+
+class Viewer:
+    """A viewer's queue and the signal that something is in it. Lives in the asyncio loop."""
+
+    def __init__(self, max_in_flight: int = 2) -> None:
+        self.queue = ViewerQueue(max_in_flight)
+        self.news = asyncio.Event()
+
+    async def next_frame(self, timeout_s: float) -> ViewFrame | None:
+        """The next picture, None after `timeout_s`."""
+        try:
+            async with asyncio.timeout(timeout_s):
+                while (taken := self.queue.take_frame()) is None:
+                    await self.news.wait()
+                    self.news.clear()
+        except TimeoutError:
+            return None
+        return taken[1]
+
+
+class Hub:
+    """Newest-wins slots that the service loop fills and the asyncio loop empties.
+
+    `put_*` are called by the service loop's thread; everything else by the asyncio loop's.
+
+    Args:
+        max_viewers: viewers at the same time.
+    """
+
+    def __init__(self, max_viewers: int) -> None:
+        self._max_viewers = max_viewers
+        self._viewers: set[Viewer] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._lock = threading.Lock()
+        self._frame: ViewFrame | None = None
+        self._status: dict[str, Any] | None = None
+        self._scheduled = False
+        self._last_status: dict[str, Any] = {}
+        self._last_status_s = time.monotonic()
+        self.viewer_count = 0
+        """Read by the service loop too: without viewers nothing is coded."""
+
+    def attach(self, loop: asyncio.AbstractEventLoop | None) -> None:
+        """Deliver into this loop from now on; None stops that."""
+        with self._lock:
+            self._loop = loop
+            self._scheduled = False
+            self._wake()
+
+    def put_frame(self, frame: ViewFrame) -> None:
+        """Hand over a picture, in place of one that has not been fetched yet."""
+        with self._lock:
+            self._frame = frame
+            self._wake()
+
+    def put_status(self, status: dict[str, Any]) -> None:
+        """Hand over a status, in place of one that has not been fetched yet."""
+        with self._lock:
+            self._status = status
+            self._wake()
+
+    def _wake(self) -> None:
+        # At most one call waits in the asyncio loop, however busy that is.
+        if self._loop is not None and not self._scheduled:
+            self._scheduled = True
+            self._loop.call_soon_threadsafe(self._deliver)
+
+    def _deliver(self) -> None:
+        with self._lock:
+            frame, self._frame = self._frame, None
+            status, self._status = self._status, None
+            self._scheduled = False
+        text = None
+        if status is not None:
+            self._last_status, self._last_status_s = status, time.monotonic()
+            text = json.dumps(status, separators=(",", ":")) if self._viewers else None
+        for viewer in self._viewers:
+            if frame is not None:
+                viewer.queue.offer_frame(frame)
+            if text is not None:
+                viewer.queue.offer_status(text)
+            viewer.news.set()
+
+    @contextmanager
+    def viewer(self) -> Iterator[Viewer | None]:
+        """A place among the viewers, None if all are taken."""
+        if len(self._viewers) >= self._max_viewers:
+            yield None
+            return
+        viewer = Viewer()
+        viewer.queue.offer_status(json.dumps(self._last_status, separators=(",", ":")))
+        viewer.news.set()
+        self._viewers.add(viewer)
+        self.viewer_count = len(self._viewers)
+        try:
+            yield viewer
+        finally:
+            self._viewers.discard(viewer)
+            self.viewer_count = len(self._viewers)
+
+    def status(self) -> tuple[dict[str, Any], float]:
+        """The last status and its age in seconds: a loop that hangs shows by it."""
+        return self._last_status, time.monotonic() - self._last_status_s

@@ -1,0 +1,117 @@
+"""The asyncio loop that serves the page, in a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import ipaddress
+import logging
+import socket
+import threading
+from types import TracebackType
+
+from aiohttp import WSCloseCode, web
+
+from schemas import HeelError
+from services.web.handlers import SOCKETS, Site
+from services.web.hub import Hub
+
+_START_DEADLINE_S = 5.0
+_STOP_DEADLINE_S = 1.0
+_CLOSE_DEADLINE_S = 0.3
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Bind and listen; from here on connections wait instead of being refused.
+
+    Raises:
+        HeelError: the port is taken, or the address is not this machine's.
+    """
+    try:
+        address = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host)
+        family = socket.AF_INET6 if address.version == 6 else socket.AF_INET
+        return socket.create_server((str(address), port), family=family)
+    except ValueError:
+        raise HeelError(f"web: host {host!r} is not an IP address: use e.g. 0.0.0.0") from None
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise HeelError(
+                f"web: {host}:{port} is in use: end the other program, or choose another port "
+                "with --port (0 picks a free one)"
+            ) from None
+        raise HeelError(f"web: cannot listen on {host}:{port}: {error.strerror}") from None
+
+
+class ServerThread(threading.Thread):
+    """Serves a site until told to stop. Use as a context manager.
+
+    Args:
+        site: what is served.
+        listener: a listening socket; closed at the end.
+        log: told of failures.
+    """
+
+    def __init__(self, site: Site, listener: socket.socket, log: logging.Logger) -> None:
+        super().__init__(name="web-server", daemon=True)
+        self._site = site
+        self._listener = listener
+        self._log = log
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._stopping: asyncio.Event | None = None
+        self._ready = threading.Event()
+
+    def run(self) -> None:
+        """Serve."""
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        hub: Hub = self._site.hub
+        app = self._site.application()
+        app[SOCKETS] = set()
+        app.on_shutdown.append(_say_goodbye)
+        runner = web.AppRunner(
+            app,
+            access_log=None,
+            shutdown_timeout=_CLOSE_DEADLINE_S,
+            # How long an unread body is drained for, e.g. one that came with a STOP.
+            lingering_time=_CLOSE_DEADLINE_S,
+        )
+        await runner.setup()
+        await web.SockSite(runner, self._listener).start()
+        self._loop, self._stopping = asyncio.get_running_loop(), asyncio.Event()
+        hub.attach(self._loop)
+        self._ready.set()
+        try:
+            await self._stopping.wait()
+        finally:
+            hub.attach(None)
+            await runner.cleanup()
+
+    def __enter__(self) -> ServerThread:
+        self.start()
+        if not self._ready.wait(_START_DEADLINE_S):
+            raise HeelError("web: the server did not start: see the log above")
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        tb: TracebackType | None,
+    ) -> None:
+        if self._loop is not None and self._stopping is not None:
+            self._loop.call_soon_threadsafe(self._stopping.set)
+        self.join(_STOP_DEADLINE_S)
+        if self.is_alive():
+            self._log.warning("the web server did not end within %g s", _STOP_DEADLINE_S)
+
+
+async def _say_goodbye(app: web.Application) -> None:
+    """Close every WebSocket; a viewer that does not read is not waited for."""
+    sockets = app[SOCKETS]
+    closing = [
+        asyncio.create_task(socket.close(code=WSCloseCode.GOING_AWAY, message=b"service ends"))
+        for socket in sockets
+    ]
+    if closing:
+        await asyncio.wait(closing, timeout=_CLOSE_DEADLINE_S)

@@ -1,0 +1,265 @@
+"""The web page as a process: images and tracks in, pictures out to browsers."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from dataclasses import replace
+
+import cv2
+
+from schemas import (
+    EndOfStream,
+    EStop,
+    FollowState,
+    Header,
+    Health,
+    MessageError,
+    MotionCommand,
+    Tracks,
+    decode,
+    keys,
+)
+from services.runtime import qos
+from services.runtime.inbox import Arrival
+from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
+from services.runtime.settings import Loaded
+from services.runtime.streams import StreamJudge
+from services.web.control import Control
+from services.web.frames import ViewFrame, describe
+from services.web.guard import HostGuard
+from services.web.handlers import Site
+from services.web.hub import Hub
+from services.web.joiner import FrameJoiner, HeldImage, Joined
+from services.web.latched import LatchedQuery
+from services.web.picture import to_jpeg
+from services.web.rate import RateLimiter
+from services.web.server import ServerThread, listen
+from services.web.settings import WebServiceSettings, is_loopback
+from services.web.status import StatusBoard
+
+_STATUS_PERIOD_S = 0.2
+_ROUTER_PERIOD_S = 0.5
+# Deeper than for a detector, so that a burst after a pause still meets its tracks.
+_IMAGE_QOS = replace(qos.IMAGE, capacity=8)
+_TRACKS_QOS = replace(qos.TRACKS, capacity=16)
+
+
+class WebService:
+    """Wires joiner, status and viewers to their topics; runs in the service's loop."""
+
+    def __init__(
+        self, context: ServiceContext[WebServiceSettings], hub: Hub, control: Control
+    ) -> None:
+        self._context = context
+        self._settings = context.settings
+        self._hub = hub
+        self._control = control
+        settings = context.settings
+        self._joiner = FrameJoiner(
+            settings.tracks_deadline_s, settings.held_images, int(settings.held_mb * 1e6)
+        )
+        self._rate = RateLimiter(settings.max_fps)
+        self._board = StatusBoard(settings.camera, settings.stale_after_s)
+        self._capped = self._unreadable = 0
+        self._router = True
+        self._latched = LatchedQuery(context.session, keys.FOLLOW_STATE, FollowState)
+        self._status_due_s = self._router_due_s = 0.0
+        self._images = self._stream("image", keys.image(settings.camera), _IMAGE_QOS, True)
+        self._tracks = self._stream("tracks", keys.tracks(settings.camera), _TRACKS_QOS, False)
+        inbox = context.inbox
+        inbox.subscribe("state", keys.FOLLOW_STATE, qos.STATE)
+        inbox.subscribe("command", keys.FOLLOW_COMMAND, qos.COMMAND)
+        inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
+        inbox.subscribe("health", keys.ALL_HEALTH, qos.HEALTH)
+
+    def _stream(self, topic: str, key: str, how: qos.TopicQos, primary: bool) -> StreamJudge:
+        """A stream as viewers need it: live also where the pipeline runs lossless."""
+        context = self._context
+        context.inbox.subscribe(topic, key, how)
+        return StreamJudge(topic, how, context.statistics, context.warn, primary)
+
+    def run(self) -> None:
+        """Show what comes until the service is stopped."""
+        while self._context.running and not self._is_over():
+            arrival = self._context.inbox.get(self._wait_s(time.monotonic()))
+            if arrival is not None:
+                self._take(arrival)
+            now_s = time.monotonic()
+            self._show(self._joiner.due(now_s))
+            if now_s >= self._status_due_s:
+                self.tick(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """What is done a few times a second: status, router, latched state, pending stop."""
+        self._status_due_s = now_s + _STATUS_PERIOD_S
+        if self._hub.viewer_count == 0 and self._joiner.waiting:
+            self._joiner.clear()
+        if now_s >= self._router_due_s:
+            self._router_due_s = now_s + _ROUTER_PERIOD_S
+            self._check_router()
+        self._catch_up(now_s)
+        self._control.repeat_stop(now_s)
+        self._hub.put_status(self._status(now_s))
+
+    def _is_over(self) -> bool:
+        # The last frames still wait for their tracks when the end of the images is announced.
+        ended = self._board.has_ended and self._joiner.waiting == 0
+        return ended and self._settings.exit_at_end
+
+    def _wait_s(self, now_s: float) -> float:
+        due_s = min(self._status_due_s, self._joiner.next_due_s() or self._status_due_s)
+        return min(LOOP_WAIT_S, max(0.0, due_s - now_s))
+
+    def _take(self, arrival: Arrival) -> None:
+        try:
+            match arrival.topic:
+                case "image":
+                    self._take_image(arrival)
+                case "tracks":
+                    self._take_tracks(arrival)
+                case "state":
+                    self._take_state(decode(FollowState, arrival.payload, arrival.encoding))
+                case "estop":
+                    self._control.hear(decode(EStop, arrival.payload, arrival.encoding))
+                case "health":
+                    health = decode(Health, arrival.payload, arrival.encoding)
+                    self._board.health(health, arrival.arrived_s)
+                case "command" if arrival.encoding != EndOfStream.encoding():
+                    command = decode(MotionCommand, arrival.payload, arrival.encoding)
+                    self._board.command(command, arrival.arrived_s)
+        except MessageError as error:
+            self._refuse(arrival, error)
+
+    def _refuse(self, arrival: Arrival, error: MessageError) -> None:
+        self._context.statistics.malformed += 1
+        self._context.warn.warning(arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s)
+
+    def _take_image(self, arrival: Arrival) -> None:
+        if arrival.encoding == EndOfStream.encoding():
+            end = self._images.end(arrival)
+            if end is not None:
+                self._board.end(end)
+                self._context.log.info("stream ended after %d frames: %s", end.frames, end.reason)
+            return
+        header = self._images.header(arrival)
+        if header is None:
+            return
+        statistics = self._context.statistics
+        statistics.input(arrival.arrived_s)
+        self._board.image(header, arrival.arrived_s)
+        # Without a viewer the pixels are not even copied out.
+        if self._hub.viewer_count:
+            image = HeldImage(header, arrival.payload, arrival.arrived_s)
+            self._show(self._joiner.add_image(image))
+
+    def _take_tracks(self, arrival: Arrival) -> None:
+        if arrival.encoding == EndOfStream.encoding():
+            return
+        received = self._tracks.message(arrival, Tracks)
+        if received is not None:
+            self._board.tracks(arrival.arrived_s)
+            self._show(self._joiner.add_tracks(received.message, received.stamp.producer))
+
+    def _take_state(self, state: FollowState) -> None:
+        self._board.follower = state
+        self._control.follower_says(state.estop)
+
+    def _show(self, frames: list[Joined]) -> None:
+        for joined in frames:
+            started_s = time.monotonic()
+            if not self._rate.admit(started_s):
+                self._capped += 1
+                continue
+            try:
+                jpeg = to_jpeg(
+                    joined.image, self._settings.max_side_px, self._settings.jpeg_quality
+                )
+            except MessageError as error:
+                self._unreadable += 1
+                self._context.statistics.malformed += 1
+                self._context.warn.warning("image-unreadable", str(error), started_s)
+                continue
+            now_s = time.monotonic()
+            age_s = _age_s(joined.image.header, joined.image.arrived_s, now_s)
+            self._hub.put_frame(ViewFrame(describe(joined, self._board.follower, age_s), jpeg))
+            self._context.statistics.output(now_s, now_s - started_s, age_s)
+
+    def _check_router(self) -> None:
+        connected = self._control.connected
+        if connected == self._router:
+            return
+        self._router = connected
+        self._context.statistics.problem("router", None if connected else "the router is away")
+        if connected:
+            self._context.log.info("the router is back")
+        else:
+            self._context.log.warning("the router is away")
+            # What the follower does meanwhile is not known.
+            self._board.follower = None
+
+    def _catch_up(self, now_s: float) -> None:
+        """Ask for the follower's latched state until it is known."""
+        if self._board.follower is not None or not self._router:
+            return
+        try:
+            state = self._latched.poll(now_s)
+        except MessageError as error:
+            self._context.statistics.malformed += 1
+            self._context.warn.warning("state-reply", f"{keys.FOLLOW_STATE}: {error}", now_s)
+            return
+        if state is not None:
+            self._take_state(state)
+
+    def _status(self, now_s: float) -> dict[str, object]:
+        rate_in_hz, rate_out_hz = self._context.statistics.rates_hz(now_s)
+        statistics = self._context.statistics
+        status = self._board.compose(now_s)
+        status["router"] = self._router
+        status["stop"] = self._control.stop_status(now_s)
+        status["web"] = {
+            "rate_in_hz": round(rate_in_hz, 1),
+            "rate_out_hz": round(rate_out_hz, 1),
+            "missing": statistics.dropped,
+            "passed_over": self._joiner.passed_over,
+            "rate_capped": self._capped,
+            "unreadable": self._unreadable,
+            "malformed": statistics.malformed,
+            "viewers": self._hub.viewer_count,
+            "max_fps": self._settings.max_fps,
+        }
+        return status
+
+
+def _age_s(header: Header, arrived_s: float, now_s: float) -> float:
+    return header.age_ns * 1e-9 + max(0.0, now_s - arrived_s)
+
+
+def serve(context: ServiceContext[WebServiceSettings]) -> None:
+    """Serve the page until the service is stopped."""
+    settings = context.settings
+    listener = listen(settings.host, settings.port)
+    host, port = listener.getsockname()[:2]
+    shown_host = f"[{host}]" if ":" in host else host
+    url = f"http://{shown_host}:{port}/"
+    with ExitStack() as resources:
+        resources.callback(listener.close)
+        hub = Hub(settings.max_viewers)
+        control = Control(context, resources)
+        service = WebService(context, hub, control)
+        service.tick(time.monotonic())
+        guard = HostGuard(host, port, settings.names, not is_loopback(settings.host))
+        resources.enter_context(ServerThread(Site(hub, control, guard), listener, context.log))
+        context.statistics.details["url"] = url
+        context.log.info("page at %s", url)
+        if not is_loopback(settings.host):
+            context.log.warning("whoever reaches %s can watch and drive", url)
+        context.announce()
+        service.run()
+
+
+def run(loaded: Loaded[WebServiceSettings]) -> int:
+    """Run the web process; returns its exit code."""
+    # Four processes share the cores already: threads inside OpenCV only take turns.
+    cv2.setNumThreads(1)
+    return run_service("web", loaded, serve)

@@ -1,0 +1,73 @@
+"""Settings of the web page: where it listens, and what a viewer may cost."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from services.runtime.settings import Endpoints, ServiceSettings
+
+_HOST_NAME = re.compile(r"[a-z0-9]([a-z0-9.-]{0,251}[a-z0-9])?(:[0-9]{1,5})?")
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address to bind to is reachable from this machine only."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+class WebServiceSettings(ServiceSettings):
+    """How the page is served; pictures are always live, whatever the mode of delivery."""
+
+    # Before `host`, whose check asks for it.
+    insecure: bool = Field(
+        False, description="allow a host beyond loopback: whoever reaches the page can drive"
+    )
+    host: str = Field("127.0.0.1", description="address to listen on")
+    port: int = Field(8470, ge=0, le=65535, description="TCP port; 0 picks a free one")
+    names: Endpoints = Field(
+        (),
+        description="further names the page may be asked for by, comma separated; with the port "
+        "where it differs, e.g. localhost:8080 behind a port mapping",
+    )
+    max_fps: float = Field(15.0, gt=0, le=60, description="pictures per second for viewers")
+    max_side_px: int = Field(
+        960, ge=160, le=3840, description="larger pictures are scaled to this longer side"
+    )
+    jpeg_quality: int = Field(80, ge=10, le=100, description="quality of coded pictures")
+    max_viewers: int = Field(8, ge=1, le=64, description="viewers served at the same time")
+    tracks_deadline_s: float = Field(
+        0.4, ge=0, le=5, description="a picture waits so long for its tracks, then goes without"
+    )
+    held_images: int = Field(32, ge=1, le=256, description="pictures that wait for their tracks")
+    held_mb: float = Field(64.0, ge=8, le=1024, description="memory for waiting pictures, MB")
+    stale_after_s: float = Field(
+        1.0, ge=0.1, le=60, description="the page warns when no picture came for so long"
+    )
+    target_timeout_s: float = Field(
+        1.0, gt=0, le=1.5, description="longest wait for the follower's answer to a choice"
+    )
+
+    @field_validator("host")
+    @classmethod
+    def _stays_on_this_machine(cls, host: str, info: ValidationInfo) -> str:
+        if not is_loopback(host) and not info.data.get("insecure", False):
+            raise ValueError(
+                "whoever reaches this address could watch and drive: keep 127.0.0.1 (and use an "
+                "SSH tunnel), or say --insecure if that is meant"
+            )
+        return host
+
+    @field_validator("names")
+    @classmethod
+    def _are_host_names(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        for name in names:
+            if not _HOST_NAME.fullmatch(name):
+                raise ValueError(f"{name[:80]!r} is no host name: use e.g. robot.local")
+        return names
