@@ -1,6 +1,6 @@
 """Where confirmed people stand, so that they are not learned into the background.
 
-Measured as the largest single gain of all (docs/results.md). Unconfirmed tracks are never
+PETS09-S2L1 with and without: MOTA 68 and 63, IDF1 76 and 64. Unconfirmed tracks are never
 protected: a ghost, left where somebody walked away, would become permanent. For the same reason
 protection ends for a track that never leaves its spot.
 """

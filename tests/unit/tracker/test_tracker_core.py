@@ -119,36 +119,30 @@ def test_twins_leave_the_identity_in_doubt_after_the_split() -> None:
         assert track.identity_confidence + track.runner_up_confidence <= 1.0
 
 
+APART, TOGETHER = (120.0, 320.0, 520.0), (300.0, 320.0, 340.0)
+
+
+def trio(seq: int, order: tuple[int, ...]) -> list[Walker]:
+    """Three come down until frame 15, gather until 35, and are apart in `order` by 55."""
+    top = 130.0 + 5 * min(seq, 15)
+    gathered = np.clip((seq - 15) / 20, 0, 1) - np.clip((seq - 35) / 20, 0, 1)
+    homes = APART if seq < 35 else [APART[place] for place in order]
+    return [
+        Walker(colour, home + float(gathered) * (meeting - home), top=top)
+        for colour, home, meeting in zip((RED, GREEN, BLUE), homes, TOGETHER, strict=True)
+    ]
+
+
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 def test_three_people_are_told_apart_at_the_split(order: tuple[int, ...]) -> None:
-    """They enter apart, stand together and leave in any order."""
-    colours = [RED, GREEN, BLUE]
     tracker = tracker_of("default")
-
-    def walkers(seq: int) -> list[Walker]:
-        if seq < 20:
-            starts = [120.0, 320.0, 520.0]
-            goals = [300.0, 320.0, 340.0]
-        else:
-            starts = [300.0, 320.0, 340.0]
-            goals = [[120.0, 320.0, 520.0][place] for place in order]
-        step = (seq % 20) / 20
-        return [
-            Walker(colour, start + (goal - start) * step, top=200 + 10.0 * (seq % 20) / 20)
-            for colour, start, goal in zip(colours, starts, goals, strict=True)
-        ]
-
     ids = {}
-    for seq in range(40):
-        people = walkers(seq)
-        # Everybody moves a little before the meeting, so that all are confirmed.
-        if seq < 8:
-            people = [Walker(p.colour, p.x - 80 + 10 * seq) for p in people]
+    for seq in range(56):
+        people = trio(seq, order)
         tracks = tracker.update(blobs_of(people, seq))
-        if seq in (9, 39):
-            ids[seq] = [id_at(tracks, person.box(0)) for person in people]
-    assert None not in ids[9]
-    assert ids[39] == ids[9]
+        ids[seq] = [id_at(tracks, person.box(seq)) for person in people]
+    assert None not in ids[15]
+    assert ids[55] == ids[15]
 
 
 def test_self_occlusion_starts_no_group_and_costs_no_id() -> None:
