@@ -11,7 +11,7 @@ from services.capture.settings import CaptureSettings
 from services.commands import register_tools
 from services.detector.settings import DetectorServiceSettings
 from services.follower.settings import FollowerServiceSettings
-from services.runtime.command_line import later, run_app, settings_command
+from services.runtime.command_line import later, run_process, settings_command
 from services.runtime.router import RouterSettings
 from services.tracker.settings import TrackerServiceSettings
 from services.web.settings import WebServiceSettings
@@ -49,7 +49,7 @@ app.command("router")(
 
 def main() -> None:
     """Entry point of the `heel` command."""
-    run_app(app)
+    run_process(app)
 
 
 if __name__ == "__main__":

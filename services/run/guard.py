@@ -9,6 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from schemas.errors import HeelError, SettingsError
@@ -56,10 +57,14 @@ def _worker(work: Callable[[], None]) -> int:
     except HeelError as error:
         sys.stderr.write(f"heel: {error}\n")
         code = 2 if isinstance(error, SettingsError) else 1
+    except SystemExit as error:
+        code = error.code if isinstance(error.code, int) else 1
     except BaseException:
         sys.excepthook(*sys.exc_info())
         code = 1
-    sys.stdout.flush()
+    # The reader may be gone (`heel run ... | head`): then nobody is left to be told.
+    with suppress(BrokenPipeError):
+        sys.stdout.flush()
     sys.stderr.flush()
     return code
 

@@ -8,13 +8,14 @@ import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin
 
 import typer
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from schemas.errors import HeelError, SettingsError
+from services.runtime.process import leave
 from services.runtime.settings import Loaded, LogSettings, ZenohSettings, load_settings
 
 S = TypeVar("S", bound=BaseModel)
@@ -140,7 +141,7 @@ def service_app(service: str, model: type[S], summary: str) -> None:
     """Run one service as `python -m services.SERVICE` and end the process."""
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     app.command()(settings_command(service, model, later(f"services.{service}.service"), summary))
-    run_app(app)
+    run_process(app)
 
 
 def run_app(app: typer.Typer) -> None:
@@ -154,3 +155,12 @@ def run_app(app: typer.Typer) -> None:
         # The reader went away (`heel status | head`): nothing is left to be told.
         sys.stderr.close()
         sys.exit(0)
+
+
+def run_process(app: typer.Typer) -> NoReturn:
+    """`run_app` as all that this process is for: it ends with the command."""
+    try:
+        run_app(app)
+    except SystemExit as ended:
+        leave(ended.code if isinstance(ended.code, int) else 0 if ended.code is None else 1)
+    leave(0)

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import ctypes
+import logging
 import os
 import resource
 import signal
+import sys
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
+from typing import NoReturn
 
 _PR_SET_PDEATHSIG = 1
 PARENT_VARIABLE = "HEEL_PARENT_PID"
@@ -44,6 +48,22 @@ def die_with_parent() -> None:
     if os.getppid() != int(parent):
         # The parent was gone before the kernel was told.
         os.kill(os.getpid(), signal.SIGTERM)
+
+
+def leave(code: int) -> NoReturn:
+    """End this process without Python taking itself apart first.
+
+    Five services told to end at once took 0.4 to 1.2 s each on two busy cores, almost all of it
+    freeing objects, and 0.1 s this way. The C library's exit still runs the handler by which
+    Zenoh removes its shared memory, which `os._exit` leaves behind (measured).
+    """
+    logging.shutdown()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).exit(code)
+    os._exit(code)
 
 
 def cpu_s() -> float:

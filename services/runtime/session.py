@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import time
 from collections.abc import Callable
 
@@ -18,6 +19,7 @@ _RETRY_PERIOD_S = 0.2
 # (340 ms -> 32 ms at 20 Mbit/s) and costs nothing visible on a fast one.
 _SEND_BUFFER = "so_sndbuf=32768"
 LEASE_MS = 3000
+_ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws|serial|vsock|unixpipe|unixsock-stream)/\S+")
 
 
 def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
@@ -26,6 +28,12 @@ def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
     Raises:
         SettingsError: Zenoh refuses the configuration file or an endpoint.
     """
+    for endpoint in (*settings.connect, *settings.listen):
+        # Zenoh itself finds out when it connects, and again and again until the deadline.
+        if not _ENDPOINT.fullmatch(endpoint):
+            raise SettingsError(
+                f"zenoh: {endpoint[:80]!r} is not an endpoint: write one like tcp/127.0.0.1:7447"
+            )
     try:
         if settings.config_file is not None:
             config = zenoh.Config.from_file(str(settings.config_file))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
@@ -104,6 +104,7 @@ class AnyOrder(RuleBasedStateMachine):
             target = self.follower.choose(request)
         except TargetError:
             return
+        assert request.tracker in (None, self.tracker), "an id of another tracker"
         self.waits_for_nearest = target.mode == "nearest" and target.track_id is None
         self.chosen_id = target.track_id
         self.chosen_by = self.tracker
@@ -176,3 +177,20 @@ TestAnyOrder.settings = settings(
     max_examples=80, stateful_step_count=30, deadline=None, derandomize=True,
     suppress_health_check=list(HealthCheck),
 )  # fmt: skip
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.lists(_PEOPLE, min_size=1, max_size=30))
+def test_other_people_never_change_how_the_chosen_one_is_followed(
+    frames: list[list[Track]],
+) -> None:
+    """A follower that sees everybody does what one does that sees the chosen person only."""
+    sees_all, sees_one = Follower(FollowerSettings()), Follower(FollowerSettings())
+    for made in (sees_all, sees_one):
+        made.observe(tracks(person(1)), TRACKER)
+        made.choose(TargetRequest(mode="id", track_id=1))
+    for number, people in enumerate(frames):
+        sees_all.observe(tracks(*people), TRACKER)
+        sees_one.observe(tracks(*(track for track in people if track.id == 1)), TRACKER)
+        now_s = 10.0 + number * 0.04
+        assert sees_all.step(now_s, 0.02) == sees_one.step(now_s, 0.02)
