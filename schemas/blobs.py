@@ -27,8 +27,8 @@ from schemas.frame import FrameId
 
 MAX_BLOBS = 128
 MAX_WORK_PIXELS = 1 << 20
-NONE, SHADOW, FOREGROUND = 0, 1, 2
-"""Values of the evidence map."""
+NONE, SHADOW, FOREGROUND, MOVING = 0, 1, 2, 3
+"""Values of the evidence map; moving foreground also differs from the frames shortly before."""
 
 
 class Patch(Part):
@@ -58,16 +58,18 @@ class Patch(Part):
 class Blob(Part):
     """One connected foreground region that passed the true-blob test."""
 
-    box_xyxy: BoxXyxy
+    box_xyxy: BoxXyxy = Field(
+        description="left < right, top < bottom, at most one frame's size outside"
+    )
     area_px: NonNegative = Field(description="foreground pixels, frame scale")
     centroid: Point
     patch: Patch
 
 
 class Evidence(Part):
-    """Per-pixel evidence at working size: none 0, shadow 1, foreground 2.
+    """Per-pixel evidence at working size: none 0, shadow 1, foreground 2, moving foreground 3.
 
-    `data` is zlib over two bit planes, foreground then shadow, each row-major, most significant
+    `data` is zlib over two bit planes, the high bit then the low bit, each row-major, most significant
     bit first, padded to a whole byte at the end of the plane. A 480x360 street scene is 2 to 6 kB.
     """
 
@@ -86,9 +88,8 @@ class Evidence(Part):
 
     @classmethod
     def from_array(cls, evidence: NDArray[np.uint8]) -> Evidence:
-        """Pack a (H, W) uint8 map of 0, 1, 2."""
-        planes = np.packbits(evidence == FOREGROUND).tobytes()
-        planes += np.packbits(evidence == SHADOW).tobytes()
+        """Pack a (H, W) uint8 map of 0 to 3."""
+        planes = np.packbits(evidence & 2).tobytes() + np.packbits(evidence & 1).tobytes()
         height, width = evidence.shape
         return cls(width=width, height=height, data=zlib.compress(planes, 1))
 
@@ -111,9 +112,8 @@ class Evidence(Part):
                 f"bytes, this one is longer, shorter or cut off: send two whole bit planes"
             )
         bits = np.frombuffer(planes, np.uint8).reshape(2, plane_bytes)
-        foreground, shadow = (np.unpackbits(plane, count=pixels) for plane in bits)
-        merged = np.where(foreground == 1, FOREGROUND, shadow).astype(np.uint8)
-        return merged.reshape(self.height, self.width)
+        high, low = (np.unpackbits(plane, count=pixels) for plane in bits)
+        return (2 * high + low).reshape(self.height, self.width)
 
 
 class CameraMotion(Part):
@@ -147,3 +147,15 @@ class Blobs(FrameId, Message):
     protected_seq: Count | None = Field(
         default=None, description="frame whose tracks were kept out of the background, if any"
     )
+
+    @model_validator(mode="after")
+    def _boxes_are_by_the_frame(self) -> Self:
+        # What is farther off, tracked on, ends in numbers that no message takes: a dead tracker.
+        for blob in self.blobs:
+            left, top, right, bottom = blob.box_xyxy
+            across = -self.width <= left < right <= 2 * self.width
+            if not (across and -self.height <= top < bottom <= 2 * self.height):
+                raise ValueError(
+                    f"box {blob.box_xyxy} is not by a frame {self.width}x{self.height}"
+                )
+        return self

@@ -18,7 +18,25 @@ def valid_maps(name: str) -> st.SearchStrategy[dict[str, Any]]:
     """Maps that the schema of message `name` allows, as they would be packed."""
     contract = json_schemas()[name]["schema"]
     made = _object(contract, contract.get("$defs", {}))
-    return made.filter(_is_complete) if name == "target-request" else made
+    beyond_schema = {
+        "target-request": made.filter(_is_complete), "blobs": made.map(_with_boxes_by_the_frame)
+    }  # fmt: skip
+    return beyond_schema.get(name, made)
+
+
+def _with_boxes_by_the_frame(fields: dict[str, Any]) -> dict[str, Any]:
+    def inside(blob: dict[str, Any]) -> dict[str, Any]:
+        left, top, right, bottom = blob["box_xyxy"]
+        left, right = _span(left, right, fields["width"])
+        top, bottom = _span(top, bottom, fields["height"])
+        return blob | {"box_xyxy": [left, top, right, bottom]}
+
+    return fields | {"blobs": [inside(blob) for blob in fields.get("blobs", [])]}
+
+
+def _span(one: float, other: float, most: int) -> tuple[float, float]:
+    low, high = sorted(value % (3 * most) - most for value in (one, other))
+    return (low, high) if low < high else (0.0, float(most))
 
 
 def _is_complete(request: dict[str, Any]) -> bool:

@@ -152,6 +152,19 @@ def test_patches_have_exactly_their_pixels_or_are_refused(
         assert answer.blobs[0].patch.array().shape == (height, width, 3)
 
 
+@pytest.mark.parametrize(
+    "box",
+    [(-4.0, 0.0, 1.0, 1.0), (0.0, 0.0, 6.5, 1.0), (0.0, 0.0, 1.0, 1e9), (2.0, 0.0, 1.0, 1.0),
+     (1.0, 0.0, 1.0, 1.0), (0.0, 1.0, 1.0, 1.0), (0.0, 2.0, 1.0, 1.0)],
+)  # fmt: skip
+def test_boxes_far_off_the_frame_or_turned_over_are_refused(box: tuple[float, ...]) -> None:
+    blobs = fields_of(next(e for e in EXAMPLES if isinstance(e, Blobs)))
+    blobs["blobs"][0]["box_xyxy"] = list(box)
+    answer = outcome(Blobs, msgpack.packb(blobs))
+    assert isinstance(answer, MessageError)
+    assert "is not by a frame 3x2" in str(answer)
+
+
 def test_patch_pixels_survive_packing() -> None:
     patch = Patch(width=2, height=1, bgr=b"\x01\x02\x03\x04\x05\x06")
     assert Patch.from_array(patch.array()) == patch
