@@ -69,8 +69,9 @@ class Blob(Part):
 class Evidence(Part):
     """Per-pixel evidence at working size: none 0, shadow 1, foreground 2, moving foreground 3.
 
-    `data` is zlib over two bit planes, the high bit then the low bit, each row-major, most significant
-    bit first, padded to a whole byte at the end of the plane. A 480x360 street scene is 2 to 6 kB.
+    `data` is zlib over two bit planes, the high bit then the low bit, each row-major, most
+    significant bit first, padded to a whole byte at the end of the plane. A 480x360 street scene
+    is 2 to 6 kB.
     """
 
     width: Annotated[int, Field(strict=True, ge=1, le=2048)]
