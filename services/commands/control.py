@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import queue
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -65,8 +67,7 @@ def _session(
 
 
 def _pause(seconds: float) -> bool:
-    time.sleep(seconds)
-    return False
+    return threading.Event().wait(seconds)
 
 
 def _ask(
@@ -156,17 +157,17 @@ def _estop(engaged: bool, connect: str | None, namespace: str | None, config: Pa
 def status(connect: Connect = None, namespace: Namespace = None, config: Config = None) -> None:
     """Show which services run, how they are, and what the follower is doing."""
     from rich.console import Console
-    from zenoh.handlers import RingChannel
 
     seen: dict[str, Health] = {}
     with _session(connect, namespace, config) as session:
-        subscriber = session.declare_subscriber(keys.ALL_HEALTH, RingChannel(64))
+        samples: queue.Queue[zenoh.Sample] = queue.Queue(maxsize=256)
+        session.declare_subscriber(keys.ALL_HEALTH, samples.put)
         deadline_s = time.monotonic() + _HEALTH_WAIT_S
-        while time.monotonic() < deadline_s:
-            sample = subscriber.try_recv()
-            if sample is None:
-                time.sleep(0.02)
-                continue
+        while (remaining_s := deadline_s - time.monotonic()) > 0:
+            try:
+                sample = samples.get(timeout=remaining_s)
+            except queue.Empty:
+                break
             try:
                 health = decode(Health, sample.payload.to_bytes(), str(sample.encoding))
             except MessageError as error:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import colorsys
 from collections import OrderedDict, deque
 from pathlib import Path
-from types import TracebackType
 
 import cv2
 import numpy as np
@@ -108,12 +107,7 @@ class AnnotatedVideo:
     def __enter__(self) -> AnnotatedVideo:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        tb: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._writer is not None:
             self._writer.release()
 

@@ -9,7 +9,6 @@ import threading
 import time
 from collections import deque
 from dataclasses import dataclass
-from types import TracebackType
 
 import zenoh
 from zenoh.handlers import Handler, RingChannel
@@ -74,12 +73,7 @@ class Inbox:
     def __enter__(self) -> Inbox:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        tb: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         for subscriber, _ in self._pumps:
             subscriber.undeclare()  # type: ignore[no-untyped-call]
         for _, thread in self._pumps:

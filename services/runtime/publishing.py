@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from types import TracebackType
 
 import zenoh
 
@@ -93,11 +92,6 @@ class Latched:
     def __enter__(self) -> Latched:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        tb: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._queryable.undeclare()  # type: ignore[no-untyped-call]
         self._publisher.undeclare()  # type: ignore[no-untyped-call]

@@ -8,7 +8,6 @@ import ipaddress
 import logging
 import socket
 import threading
-from types import TracebackType
 
 from aiohttp import WSCloseCode, web
 
@@ -93,12 +92,7 @@ class ServerThread(threading.Thread):
             raise HeelError("web: the server did not start: see the log above")
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        tb: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._loop is not None and self._stopping is not None:
             self._loop.call_soon_threadsafe(self._stopping.set)
         self.join(_STOP_DEADLINE_S)

@@ -19,12 +19,13 @@ def valid_maps(name: str) -> st.SearchStrategy[dict[str, Any]]:
     contract = json_schemas()[name]["schema"]
     made = _object(contract, contract.get("$defs", {}))
     beyond_schema = {
-        "target-request": made.filter(_is_complete), "blobs": made.map(_with_boxes_by_the_frame)
+        "target-request": made.filter(_is_complete), "blobs": made.map(with_boxes_by_the_frame)
     }  # fmt: skip
     return beyond_schema.get(name, made)
 
 
-def _with_boxes_by_the_frame(fields: dict[str, Any]) -> dict[str, Any]:
+def with_boxes_by_the_frame(fields: dict[str, Any]) -> dict[str, Any]:
+    """The blobs message with every box moved to where it is allowed."""
     def inside(blob: dict[str, Any]) -> dict[str, Any]:
         left, top, right, bottom = blob["box_xyxy"]
         left, right = _span(left, right, fields["width"])

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -50,8 +51,7 @@ def _table(schema: dict[str, Any]) -> str:
 
 
 def _literal(value: Any) -> str:
-    spelled = {None: "nil", True: "true", False: "false"}
-    return spelled.get(value, repr(value)) if not isinstance(value, (list, dict)) else str(value)
+    return "nil" if value is None else json.dumps(value)
 
 
 def _type(field: dict[str, Any]) -> str:
