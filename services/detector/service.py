@@ -6,7 +6,7 @@ import time
 
 import cv2
 
-from schemas import Blobs, FrameId, Header, MessageError, Tracks, keys
+from schemas import Blobs, EndOfStream, FrameId, Header, MessageError, Tracks, keys
 from schemas.image import decode_image
 from services.detector.core import Detector
 from services.detector.feedback import FeedbackBuffer
@@ -98,11 +98,13 @@ class DetectorService:
         return None
 
     def _take(self, arrival: Arrival, judge: StreamJudge) -> None:
-        # The end of the tracks says nothing about the images.
-        if arrival.encoding == Tracks.encoding():
-            received = judge.message(arrival, Tracks)
-            if received is not None:
-                self._feedback.add(received.message)
+        if arrival.encoding == EndOfStream.encoding():
+            # It says nothing about the images, but a malformed one is counted like any other.
+            judge.end(arrival)
+            return
+        received = judge.message(arrival, Tracks)
+        if received is not None:
+            self._feedback.add(received.message)
 
 
 def run(loaded: Loaded[DetectorServiceSettings]) -> int:

@@ -28,7 +28,9 @@ class VelocityController:
         """Linear (m/s) and angular (rad/s) velocity for the next `dt_s` seconds."""
         s = self._settings
         error_m = _outside(distance_m - s.distance_m, s.distance_deadband_m)
-        linear = s.linear_gain_per_s * error_m * max(0.0, math.cos(2.0 * bearing_rad))
+        # Nothing is driven at what is more than 45 degrees off: the robot turns on the spot.
+        facing = max(0.0, math.cos(2.0 * bearing_rad)) if abs(bearing_rad) < math.pi / 4 else 0.0
+        linear = s.linear_gain_per_s * error_m * facing
         linear = min(max(linear, -s.max_reverse_mps), s.max_linear_mps)
         angular = s.angular_gain_per_s * _outside(bearing_rad, s.bearing_deadband_rad)
         angular = min(max(angular, -s.max_angular_radps), s.max_angular_radps)

@@ -100,7 +100,7 @@ class Follower:
         track = self._acquire()
         state, reason = self._judge(track, now_s, tracks_age_s)
         if state == "following" and track is not None and self._tracks is not None:
-            linear_mps, angular_radps = self._drive(track, self._tracks.width, dt_s)
+            linear_mps, angular_radps = self._drive(track, self._tracks, dt_s)
         else:
             linear_mps, angular_radps = self._controller.stop()
         self._remember(state, reason, tracks_age_s, linear_mps, angular_radps)
@@ -167,14 +167,14 @@ class Follower:
             return "unsure", "identity unsure"
         return "following", "target in sight"
 
-    def _drive(self, track: Track, width_px: int, dt_s: float) -> tuple[float, float]:
+    def _drive(self, track: Track, tracks: Tracks, dt_s: float) -> tuple[float, float]:
         bearing_rad = track.bearing_rad
         if bearing_rad is None:
-            bearing_rad = geometry.bearing_rad(track, width_px, self._fov_rad)
+            bearing_rad = geometry.bearing_rad(track, tracks.width, self._fov_rad)
         distance_m = track.distance_m
         if distance_m is None:
             distance_m = geometry.distance_m(
-                track, width_px, self._fov_rad, self.settings.person_height_m
+                track, (tracks.width, tracks.height), self._fov_rad, self.settings.person_height_m
             )
         return self._controller.follow(distance_m, bearing_rad, dt_s)
 

@@ -6,6 +6,8 @@ import math
 
 from schemas import Track, Tracks
 
+_BORDER_PX = 2.0
+
 
 def focal_length_px(width_px: int, horizontal_fov_rad: float) -> float:
     """Focal length of a pinhole camera with square pixels."""
@@ -20,15 +22,17 @@ def bearing_rad(track: Track, width_px: int, horizontal_fov_rad: float) -> float
 
 
 def distance_m(
-    track: Track, width_px: int, horizontal_fov_rad: float, person_height_m: float
+    track: Track, size_px: tuple[int, int], horizontal_fov_rad: float, person_height_m: float
 ) -> float:
     """Apparent distance: a person of known height is `focal * height / box height` away.
 
-    A box that is cut by the image border is shorter than the person and so looks farther away;
-    the Follow issue's calibrated geometry treats that case.
+    A box that is cut by a border is shorter than the person and so looks farther away. One that
+    fills the picture from top to bottom may be anywhere up to touching: its distance is 0.
     """
+    if track.box_xyxy[1] <= _BORDER_PX and track.box_xyxy[3] >= size_px[1] - _BORDER_PX:
+        return 0.0
     height_px = max(1.0, track.box_xyxy[3] - track.box_xyxy[1])
-    return focal_length_px(width_px, horizontal_fov_rad) * person_height_m / height_px
+    return focal_length_px(size_px[0], horizontal_fov_rad) * person_height_m / height_px
 
 
 def nearest(tracks: Tracks) -> Track | None:

@@ -14,6 +14,7 @@ import zenoh
 
 from schemas import (
     CameraInfo,
+    EndOfStream,
     EStop,
     FollowState,
     HeelError,
@@ -97,7 +98,7 @@ class FollowerService:
                 continue
             if arrival.topic != "tracks":
                 self._side_message(arrival)
-            elif arrival.encoding == Tracks.encoding():
+            elif arrival.encoding != EndOfStream.encoding():
                 self._observe(arrival)
             elif (end := self._tracks.end(arrival)) is not None:
                 self._context.log.info("stream ended after %d frames: %s", end.frames, end.reason)

@@ -26,6 +26,7 @@ def valid_maps(name: str) -> st.SearchStrategy[dict[str, Any]]:
 
 def with_boxes_by_the_frame(fields: dict[str, Any]) -> dict[str, Any]:
     """The blobs message with every box moved to where it is allowed."""
+
     def inside(blob: dict[str, Any]) -> dict[str, Any]:
         left, top, right, bottom = blob["box_xyxy"]
         left, right = _span(left, right, fields["width"])

@@ -1,0 +1,239 @@
+"""Whom the robot follows, and when it must not move."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from schemas import HeelError, MotionCommand, TargetRequest, Tracks
+from services.follower.core import Follower, TargetError
+from services.follower.settings import FollowerSettings
+from tests.unit.follower.people import OTHER_TRACKER, TRACKER, person, tracks
+
+FAR = 60.0
+"""Box height of somebody several metres too far away."""
+
+
+def follower(**settings: Any) -> Follower:
+    return Follower(FollowerSettings.model_validate(settings))
+
+
+def following(seen: Tracks | None = None, **settings: Any) -> Follower:
+    """A follower that has chosen id 1 and seen it."""
+    made = follower(**settings)
+    made.observe(seen or tracks(person(1, height=FAR), person(2, x=100, height=FAR)), TRACKER)
+    made.choose(TargetRequest(mode="id", track_id=1))
+    return made
+
+
+def drive(made: Follower, seconds: float = 2.0, age_s: float = 0.0) -> MotionCommand:
+    """Step at 50 Hz with tracks of a constant age; the last command."""
+    start_s = 10.0 if made._now_s is None else made._now_s
+    steps = max(1, round(seconds * 50))
+    return [made.step(start_s + i * 0.02, age_s) for i in range(steps + 1)][-1]
+
+
+def is_zero(command: MotionCommand) -> bool:
+    return (command.linear_mps, command.angular_radps) == (0.0, 0.0)
+
+
+def test_a_chosen_person_in_sight_is_followed() -> None:
+    command = drive(following())
+    assert command.state == "following"
+    assert command.linear_mps > 0.3
+
+
+def test_nobody_is_followed_unasked() -> None:
+    made = follower()
+    made.observe(tracks(person(height=FAR)), TRACKER)
+    command = drive(made)
+    assert (command.state, is_zero(command)) == ("idle", True)
+
+
+def test_the_robot_turns_towards_the_person_left_is_positive() -> None:
+    left = drive(following(tracks(person(1, x=200, height=FAR))))
+    right = drive(following(tracks(person(1, x=440, height=FAR))))
+    assert left.angular_radps > 0 > right.angular_radps
+    assert left.angular_radps == pytest.approx(-right.angular_radps)
+
+
+def test_nobody_is_run_into() -> None:
+    near = person(1, distance_m=1.0)
+    assert drive(following(tracks(near))).linear_mps == 0.0
+    assert drive(following(tracks(near), max_reverse_mps=0.3)).linear_mps == pytest.approx(-0.3)
+
+
+def test_a_person_who_fills_the_picture_is_not_driven_at() -> None:
+    cut_off = person(1, box_xyxy=(200.0, 0.0, 440.0, 480.0))
+    assert drive(following(tracks(cut_off))).linear_mps == 0.0
+
+
+def test_the_robot_turns_before_it_drives() -> None:
+    ahead = drive(following(tracks(person(1, height=FAR))))
+    aside = drive(following(tracks(person(1, height=FAR, bearing_rad=math.pi / 3, distance_m=9.0))))
+    assert ahead.linear_mps > 0
+    assert aside.linear_mps == 0.0
+    assert aside.angular_radps > 0
+
+
+def test_distance_and_bearing_of_the_track_win_over_the_box() -> None:
+    command = drive(following(tracks(person(1, height=FAR, distance_m=1.5, bearing_rad=0.0))))
+    assert is_zero(command)
+    assert command.state == "following"
+
+
+def test_a_wider_camera_sees_the_same_box_farther_aside() -> None:
+    made = following(tracks(person(1, x=350, height=FAR)))
+    narrow = drive(made).angular_radps
+    made.set_field_of_view(2.0)
+    assert abs(drive(made).angular_radps) > abs(narrow)
+
+
+@pytest.mark.parametrize(
+    ("change", "state"),
+    [
+        ({"state": "occluded"}, "occluded"),
+        ({"state": "lost"}, "unsure"),
+        ({"shown": False}, "unsure"),
+        ({"identity_confidence": 0.59}, "unsure"),
+        ({"identity_confidence": 0.0}, "unsure"),
+    ],
+)
+def test_doubt_about_the_person_stops_the_robot_at_once(change: dict[str, Any], state: str) -> None:
+    made = following()
+    assert drive(made).linear_mps > 0
+    made.observe(tracks(person(1, height=FAR, **change), person(2)), TRACKER)
+    command = drive(made, 0.0)
+    assert (command.state, is_zero(command)) == (state, True)
+
+
+def test_a_missing_person_is_first_missed_then_lost_and_stays_chosen() -> None:
+    made = following(lost_after_s=1.0)
+    drive(made)
+    made.observe(tracks(person(2, height=FAR)), TRACKER)
+    assert drive(made, 0.5).state == "unsure"
+    assert drive(made, 1.0).state == "lost"
+    assert made.target.track_id == 1
+    made.observe(tracks(person(1, height=FAR)), TRACKER)
+    assert drive(made).state == "following"
+
+
+@pytest.mark.parametrize("age_s", [0.31, 5.0, 1e9, math.nextafter(0.3, 1)])
+def test_stops_when_tracks_are_stale(age_s: float) -> None:
+    made = following(max_tracks_age_s=0.3)
+    assert drive(made, age_s=0.3).linear_mps > 0
+    command = drive(made, 0.0, age_s)
+    assert (command.state, is_zero(command)) == ("lost", True)
+    assert "older than 0.3 s" in command.reason
+
+
+def test_stops_before_the_first_tracks() -> None:
+    made = follower(target="nearest")
+    command = made.step(0.0, None)
+    assert (command.state, command.frame, is_zero(command)) == ("acquiring", None, True)
+
+
+def test_the_emergency_stop_wins_until_it_is_released() -> None:
+    made = following()
+    drive(made)
+    made.set_estop(True)
+    command = drive(made, 0.0)
+    assert (command.state, is_zero(command), made.state.estop) == ("stopped", True, True)
+    made.choose(TargetRequest(mode="id", track_id=2))
+    assert is_zero(drive(made))
+    made.set_estop(False)
+    assert drive(made).linear_mps > 0
+
+
+def test_after_a_stop_the_robot_starts_from_standstill() -> None:
+    made = following(max_linear_mps2=0.5)
+    drive(made)
+    made.set_estop(True)
+    drive(made, 0.0)
+    made.set_estop(False)
+    assert 0 < drive(made, 0.02).linear_mps <= 0.5 * 0.02 * 2
+
+
+@pytest.mark.parametrize(
+    ("request_", "track_id"),
+    [
+        (TargetRequest(mode="id", track_id=2), 2),
+        (TargetRequest(mode="id", track_id=2, tracker=TRACKER), 2),
+        (TargetRequest(mode="point", x_px=100, y_px=390), 2),
+        (TargetRequest(mode="nearest"), 3),
+        (TargetRequest(mode="none"), None),
+    ],
+    ids=lambda value: getattr(value, "mode", ""),
+)
+def test_targets_are_chosen_by_id_point_and_nearness(
+    request_: TargetRequest, track_id: int | None
+) -> None:
+    made = following(
+        tracks(person(1), person(2, x=100), person(3, x=500, height=300.0), person(4, height=350.0,
+               state="occluded"))
+    )  # fmt: skip
+    seq = made.target.seq
+    assert made.choose(request_).track_id == track_id
+    assert made.target.seq == seq + 1
+    assert made.target.tracker == (None if track_id is None else TRACKER)
+
+
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        (TargetRequest(mode="id", track_id=9), "nobody has id 9"),
+        (TargetRequest(mode="id", track_id=1, tracker=OTHER_TRACKER), OTHER_TRACKER),
+        (TargetRequest(mode="point", x_px=5, y_px=5), "nobody at (5, 5)"),
+        (TargetRequest(mode="point", x_px=500, y_px=300), "nobody at (500, 300)"),
+    ],
+    ids=["unknown id", "id of another tracker", "nobody there", "not shown"],
+)
+def test_targets_that_are_not_there_are_refused_and_the_old_one_stays(
+    request_: TargetRequest, words: str
+) -> None:
+    made = following(tracks(person(1), person(3, x=500, shown=False)))
+    before = made.target
+    with pytest.raises(TargetError) as error:
+        made.choose(request_)
+    assert words in str(error.value)
+    assert isinstance(error.value, HeelError)
+    assert made.target == before
+
+
+def test_nearest_waits_for_somebody_and_then_stays_with_them() -> None:
+    made = follower(target="nearest")
+    made.observe(tracks(), TRACKER)
+    assert drive(made).state == "acquiring"
+    made.observe(tracks(person(5, height=FAR)), TRACKER)
+    assert drive(made).state == "following"
+    made.observe(tracks(person(5, height=FAR), person(6, height=300.0)), TRACKER)
+    drive(made)
+    assert made.target.track_id == 5
+
+
+def test_a_replaced_tracker_makes_the_chosen_id_void() -> None:
+    made = following()
+    drive(made)
+    made.observe(tracks(person(1, height=FAR)), OTHER_TRACKER)
+    command = drive(made)
+    assert (command.state, is_zero(command)) == ("idle", True)
+    assert "choose again" in command.reason
+
+
+def test_commands_are_numbered_and_name_the_frame_they_rest_on() -> None:
+    made = following(tracks(person(1), seq=41))
+    commands = [made.step(i * 0.02, 0.0) for i in range(3)]
+    assert [command.seq for command in commands] == [0, 1, 2]
+    frame = commands[-1].frame
+    assert frame is not None
+    assert (frame.stream, frame.epoch, frame.seq) == ("front", 1, 41)
+
+
+def test_the_same_tracks_give_the_same_commands() -> None:
+    def run() -> list[MotionCommand]:
+        made = following()
+        return [made.step(i * 0.02, 0.01 * (i % 40)) for i in range(200)]
+
+    assert run() == run()
