@@ -51,10 +51,10 @@ def _session(
 
     import zenoh
 
-    from services.runtime.session import open_session
+    from services.runtime.session import LOG_FILTER, open_session
     from services.runtime.settings import StrictSettings, load_settings
 
-    zenoh.init_log_from_env_or("error")
+    zenoh.init_log_from_env_or(LOG_FILTER)
     given = {"connect": connect, "namespace": namespace}
     flags: dict[str, dict[str, object]] = {
         "zenoh": {"connect_timeout_s": _TIMEOUT_S} | {k: v for k, v in given.items() if v}

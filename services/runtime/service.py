@@ -32,7 +32,7 @@ from services.runtime.inbox import Arrival, Inbox
 from services.runtime.logs import OncePerSecond, set_up_logging
 from services.runtime.publishing import StreamPublisher
 from services.runtime.qos import TopicQos
-from services.runtime.session import open_session
+from services.runtime.session import LOG_FILTER, open_session
 from services.runtime.settings import Loaded, ServiceSettings
 from services.runtime.streams import StreamJudge
 
@@ -135,7 +135,7 @@ def run_service(name: str, loaded: Loaded[S], main: Callable[[ServiceContext[S]]
     """
     log = set_up_logging(loaded.log, name)
     process.keep_freed_memory()
-    zenoh.init_log_from_env_or("error")
+    zenoh.init_log_from_env_or(LOG_FILTER)
     with stop_signals() as stop:
         process.die_with_parent()
         try:

@@ -19,6 +19,9 @@ _RETRY_PERIOD_S = 0.2
 # (340 ms -> 32 ms at 20 Mbit/s) and costs nothing visible on a fast one.
 _SEND_BUFFER = "so_sndbuf=32768"
 LEASE_MS = 3000
+LOG_FILTER = "error,zenoh_transport::unicast::establishment::open=off"
+"""What Zenoh may log of itself, to standard output. A refused connection is ours to report: Zenoh
+would do so at every attempt, five times a second."""
 _ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws|serial|vsock|unixpipe|unixsock-stream)/\S+")
 
 
@@ -109,8 +112,9 @@ def open_session(
             where = ", ".join(settings.connect)
             if time.monotonic() >= deadline_s:
                 raise HeelError(
-                    f"no Zenoh router at {where} within {settings.connect_timeout_s:g} s: start "
-                    f"one with `heel router`, or name another with --connect ({_one_line(error)})"
+                    f"no Zenoh router at {where} within {settings.connect_timeout_s:g} s, or it "
+                    "does not know the user: start one with `heel router`, name another with "
+                    f"--connect, or check user and password ({_one_line(error)})"
                 ) from None
             if not told:
                 log.info("waiting for a router at %s", where)

@@ -1,0 +1,33 @@
+# One image for every service; the container's command chooses: `heel SERVICE`.
+#
+# Not in it: the packages that score (extra `eval`, TrackEval), 101 MB that no robot needs.
+# `heel demo` runs without them and names what is missing when it comes to the scores.
+FROM python:3.11-slim-bookworm
+
+ENV PYTHONUNBUFFERED=1 \
+    PIP_NO_CACHE_DIR=1 \
+    PIP_DISABLE_PIP_VERSION_CHECK=1 \
+    PIP_ROOT_USER_ACTION=ignore
+
+RUN useradd --uid 10001 --no-create-home --shell /usr/sbin/nologin heel
+
+WORKDIR /src
+
+# Dependencies come before the code: a change in the code rebuilds the small last layers only.
+COPY pyproject.toml constraints.txt ./
+RUN python3 -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); print(*p['build-system']['requires'], *p['project']['dependencies'], sep='\n')" > /tmp/requirements.txt \
+    && python3 -m pip install -r /tmp/requirements.txt -c constraints.txt \
+    && rm /tmp/requirements.txt
+
+COPY README.md LICENSE ./
+COPY schemas schemas
+COPY evaluation evaluation
+COPY services services
+RUN python3 -m pip install --no-deps --no-build-isolation .
+
+USER heel
+WORKDIR /
+
+STOPSIGNAL SIGTERM
+ENTRYPOINT ["heel"]
+CMD ["--help"]

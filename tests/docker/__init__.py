@@ -1,0 +1,1 @@
+"""The containers as a user starts them, on a real engine."""

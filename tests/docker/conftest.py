@@ -1,0 +1,37 @@
+"""One engine and one image for all Docker tests."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+
+import pytest
+
+from tests.docker.engine import IMAGE, REPOSITORY, Project, missing_engine
+
+BUILD_DEADLINE_S = 300.0
+
+
+@pytest.fixture(scope="session")
+def image() -> str:
+    """The image built from the repository as it is."""
+    reason = missing_engine()
+    if reason is not None:
+        pytest.skip(reason)
+    done = subprocess.run(
+        ["docker", "build", "-q", "-t", IMAGE, "."], cwd=REPOSITORY, capture_output=True,
+        text=True, timeout=BUILD_DEADLINE_S, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return IMAGE
+
+
+@pytest.fixture(scope="module")
+def project(image: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Project]:
+    """The containers of `docker compose up` with nothing configured."""
+    project = Project(tmp_path_factory.mktemp("videos"))
+    try:
+        project.up()
+        yield project
+    finally:
+        project.down()

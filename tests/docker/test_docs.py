@@ -1,0 +1,84 @@
+"""Every command of docs/docker.md, typed as it stands there."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.docker.engine import REPOSITORY, Project
+
+pytestmark = [pytest.mark.docker, pytest.mark.timeout(360)]
+
+PAGE = (REPOSITORY / "docs" / "docker.md").read_text(encoding="utf-8")
+WIDTH_PX, HEIGHT_PX = 352, 288
+
+
+def blocks(language: str) -> list[str]:
+    """The fenced blocks of one language, in order."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def videos(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the file that the page speaks of: a rectangle walks through noise."""
+    folder = tmp_path_factory.mktemp("videos")
+    # Docker's user is another one, and pytest's folders are private.
+    folder.chmod(0o755)
+    background = np.random.default_rng(1).integers(60, 120, (HEIGHT_PX, WIDTH_PX, 3), np.uint8)
+    fourcc = cv2.VideoWriter.fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(folder / "walk.avi"), fourcc, 25.0, (WIDTH_PX, HEIGHT_PX))
+    for index in range(150):
+        frame = background.copy()
+        left = 20 + 2 * max(0, index - 20)
+        cv2.rectangle(frame, (left, 90), (left + 40, 210), (200, 30, 30), -1)
+        writer.write(frame)
+    writer.release()
+    return folder
+
+
+def test_the_commands_do_what_the_page_says(image: str, videos: Path) -> None:
+    project = Project(videos)
+    first, second = blocks("sh")
+    try:
+        said = _typed(project, first)
+        assert "tracker/main" in said
+        assert "health: starting -> ok" in said
+        assert project.left_behind() == []
+        up, logs, down = second.splitlines()
+        project.run("bash", "-c", up)
+        reading = project.read(seconds=4.0, tracks=60)
+        assert reading.size == [WIDTH_PX, HEIGHT_PX]
+        assert "walk.avi" in _typed(project, logs)
+        _typed(project, down)
+        assert project.left_behind() == []
+    finally:
+        project.down()
+
+
+def _typed(project: Project, commands: str) -> str:
+    """Output of a block, except that `status` and `logs` follow once the services are up."""
+    before, marker, after = commands.partition("docker compose ps")
+    said = project.run("bash", "-ec", before, deadline_s=240.0)
+    if marker:
+        project.read(tracks=20)
+        said += project.run("bash", "-ec", marker + after)
+    return said
+
+
+def test_the_override_of_the_page_fits_the_file(image: str, tmp_path: Path) -> None:
+    (override,) = blocks("yaml")
+    extra = tmp_path / "docker-compose.override.yml"
+    extra.write_text(override, encoding="utf-8")
+    said = Project(tmp_path).compose(
+        "-f", "docker-compose.yml", "-f", str(extra), "config", "--format", "json"
+    )
+    capture = json.loads(said)["services"]["capture"]
+    assert capture["environment"] == {
+        "HEEL_CAPTURE__HORIZONTAL_FOV_DEG": "69", "HEEL_ZENOH__CONNECT": "tcp/router:7447",
+    }  # fmt: skip
+    assert capture["read_only"] is True
