@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 _TIMEOUT_S = 2.0
 _HEALTH_WAIT_S = 1.5
+_SHM = {True: "yes", False: "no", None: "-"}
 
 Connect = Annotated[
     str | None,
@@ -191,11 +192,12 @@ def _health_table(seen: dict[str, Health]) -> Table:
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for title in ("service", "state", "in/s", "out/s", "dropped", "p99 ms", "MB"):
+    for title in ("service", "state", "in/s", "out/s", "dropped", "p99 ms", "MB", "shm"):
         table.add_column(title, no_wrap=True)
     for name, h in sorted(seen.items()):
         rates = (f"{h.rate_in_hz:.1f}", f"{h.rate_out_hz:.1f}")
         table.add_row(
-            name, h.state, *rates, str(h.dropped), f"{h.age_ms_p99:.1f}", f"{h.rss_mb:.0f}"
-        )
+            name, h.state, *rates, str(h.dropped), f"{h.age_ms_p99:.1f}", f"{h.rss_mb:.0f}",
+            _SHM[h.shared_memory],
+        )  # fmt: skip
     return table

@@ -10,7 +10,6 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from schemas.errors import HeelError
 from services.runtime.process import PARENT_VARIABLE
 
 _TERM_S = 2.5
@@ -66,19 +65,9 @@ class Children:
         self._children.append(child)
         return child
 
-    def check(self) -> None:
-        """Raise if a child has failed.
-
-        Raises:
-            HeelError: names the first that failed and its last complaint.
-        """
-        for child in self._children:
-            if (failure := child.failure()) is not None:
-                raise HeelError(failure)
-
-    def all_ended(self) -> bool:
-        """Whether every child has ended."""
-        return all(child.process.poll() is not None for child in self._children)
+    def failure(self) -> str | None:
+        """Why the first child that ended badly did so; None while all is well."""
+        return next(filter(None, (child.failure() for child in self._children)), None)
 
     def wait_all(self, timeout_s: float) -> bool:
         """Wait for every child to end by itself; False if some have not."""
@@ -100,10 +89,6 @@ class Children:
                 if child.process.poll() is None:
                     child.process.kill()
             self.wait_all(_KILL_S)
-
-    def pids(self) -> dict[str, int]:
-        """Process ids by service."""
-        return {child.name: child.process.pid for child in self._children}
 
 
 def last_complaint(log: Path) -> str:

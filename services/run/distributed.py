@@ -26,6 +26,7 @@ from services.runtime.router import open_private_router
 _START_TIMEOUT_S = 30.0
 _STALL_TIMEOUT_S = 60.0
 _DRAIN_S = 3.0
+_LAST_WORDS_S = 1.0
 _POLL_S = 0.1
 
 
@@ -36,6 +37,7 @@ class DistributedRun:
         self._options = options
         self._stop = stop
         self._log = log
+        self._failure: str | None = None
         self.summary = RunSummary(mode=options.delivery)
 
     def run(self) -> RunSummary:
@@ -91,7 +93,8 @@ class DistributedRun:
         while not present >= wanted and not self._stop.is_set():
             changed.wait(_POLL_S)
             changed.clear()
-            children.check()
+            if (failure := children.failure()) is not None:
+                raise HeelError(failure)
             if time.monotonic() > deadline_s:
                 missing = ", ".join(sorted(wanted - present))
                 raise HeelError(f"{missing} not up within {_START_TIMEOUT_S:g} s: see logs/")
@@ -100,9 +103,9 @@ class DistributedRun:
     def _collect(
         self, inbox: Inbox, collector: Collector, children: Children, progress: RunProgress
     ) -> None:
-        started_s = newest_s = time.monotonic()
+        newest_s = time.monotonic()
         tracked = 0
-        until_s = started_s + (self._options.seconds or float("inf"))
+        until_s = newest_s + (self._options.seconds or float("inf"))
         while not collector.ended and not self._stop.is_set() and time.monotonic() < until_s:
             arrival = inbox.get(_POLL_S)
             if arrival is not None:
@@ -111,17 +114,20 @@ class DistributedRun:
             if self.summary.tracked != tracked:
                 tracked, newest_s = self.summary.tracked, now_s
                 progress.update(tracked, collector.info.frame_count if collector.info else None)
-            elif arrival is None:
-                children.check()
-                if now_s - newest_s > _STALL_TIMEOUT_S:
-                    raise HeelError(
-                        f"nothing tracked for {_STALL_TIMEOUT_S:g} s: see {self._options.out}/logs"
-                    )
+            elif now_s - newest_s > _STALL_TIMEOUT_S:
+                raise HeelError(
+                    f"nothing tracked for {_STALL_TIMEOUT_S:g} s: see {self._options.out}/logs"
+                )
+            if children.failure() is not None:
+                # What it had sent may still be on its way through the others.
+                until_s = min(until_s, now_s + _LAST_WORDS_S)
         if collector.first_frame_s is not None:
             self.summary.wall_s = collector.last_frame_s - collector.first_frame_s
         if not collector.ended:
             self.summary.ended = self.summary.ended or "stopped before the end of the stream"
         self._drain(inbox, collector, children)
+        if self._failure is not None and not self._stop.is_set():
+            raise HeelError(self._failure)
 
     def _drain(self, inbox: Inbox, collector: Collector, children: Children) -> None:
         """Let the services end and take their last words: the health that ends each of them."""
@@ -143,6 +149,8 @@ class DistributedRun:
         # After the end of the stream they end by themselves; otherwise they are told to.
         if not self._stop.is_set() and self.summary.ended and self._options.web_port is None:
             children.wait_all(_DRAIN_S)
+        # Asked before they are told to end: what becomes of them then is no failure of the run.
+        self._failure = children.failure()
         children.end()
 
 

@@ -17,6 +17,8 @@ from services.runtime.health_file import HealthFile
 PERIOD_S = 1.0
 HUNG_S = 2.0
 """A service loop that has not come round for this long is reported as hung."""
+START_S = 15.0
+"""The same for a service that has yet to come round once: opening a source takes its time."""
 
 
 class HealthReporter(threading.Thread):
@@ -76,14 +78,15 @@ class HealthReporter(threading.Thread):
         rss_mb, peak_rss_mb = process.memory_mb()
         loop_age_s = now_s - (s.last_loop_s or self._started_s)
         problems = s.problems()
-        if loop_age_s > HUNG_S:
+        hung = loop_age_s > (HUNG_S if s.last_loop_s else START_S)
+        if hung:
             problems.insert(0, f"the service loop has hung for {loop_age_s:.1f} s: restart it")
         state = "degraded" if problems else "ok" if s.last_loop_s else "starting"
         return Health(
             service=self._service,
             instance=self._instance,
             producer=self._producer,
-            state="ended" if ended else "error" if loop_age_s > HUNG_S else state,
+            state="ended" if ended else "error" if hung else state,
             reason="; ".join(problems)[:512],
             uptime_s=now_s - self._started_s,
             input_age_s=None if s.last_input_s is None else max(0.0, now_s - s.last_input_s),

@@ -7,6 +7,8 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import cv2
@@ -90,47 +92,50 @@ def test_live_run_of_a_recording_reports_ages_by_hop(tmp_path: Path) -> None:
     assert summary["frames"]["tracked"] + sum(summary["dropped"].values()) >= 59
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_no_process_outlives_a_run_however_it_ends(tmp_path: Path, number: signal.Signals) -> None:
-    environment = {**os.environ, "HEEL_TEST_RUN": str(tmp_path)}
+@contextmanager
+def endless_run(out: Path) -> Iterator[subprocess.Popen[str]]:
+    """A looped live run that has written its first tracks; killed on the way out."""
     run = subprocess.Popen(
-        [*HEEL, "run", SCENE, "--out", str(tmp_path), "--live", "--loop"], env=environment,
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL,
+        [*HEEL, "run", SCENE, "--out", str(out), "--live", "--loop"],
+        env={**os.environ, "HEEL_TEST_RUN": str(out)}, text=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL,
     )  # fmt: skip
     try:
-        tracks = tmp_path / "tracks.txt"
-        wait_until(lambda: tracks.is_file() and tracks.stat().st_size > 0, "tracks", 40.0)
+        tracks = out / "tracks.txt"
+        wait_until(lambda: tracks.is_file() and tracks.stat().st_size > 0, "tracks", 60.0)
+        yield run
+    finally:
+        for pid in processes_using(out):
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        run.communicate(timeout=10)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_process_outlives_a_run_however_it_ends(tmp_path: Path, number: signal.Signals) -> None:
+    with endless_run(tmp_path) as run:
         assert len(processes_using(tmp_path)) >= 6, "guard, run and four services"
         run.send_signal(number)
         run.wait(timeout=15)
         if number is not signal.SIGKILL:
             assert run.returncode == 0
         wait_until(lambda: not processes_using(tmp_path), "all processes ended", 10.0)
-        assert tracks.read_text().endswith("\n"), "what was produced before is kept and readable"
-    finally:
-        if run.poll() is None:
-            run.kill()
-            run.wait(timeout=5)
+        rows = (tmp_path / "tracks.txt").read_text()
+        assert rows.endswith("\n"), "what was produced before is kept and readable"
 
 
 def test_a_killed_service_ends_the_run_with_its_name(tmp_path: Path) -> None:
-    environment = {**os.environ, "HEEL_TEST_RUN": str(tmp_path)}
-    run = subprocess.Popen(
-        [*HEEL, "run", SCENE, "--out", str(tmp_path), "--live", "--loop"], env=environment,
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True,
-    )  # fmt: skip
-    tracks = tmp_path / "tracks.txt"
-    wait_until(lambda: tracks.is_file() and tracks.stat().st_size > 0, "tracks", 40.0)
-    victim = next(
-        pid
-        for pid in processes_using(tmp_path)
-        if b"services.tracker" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    )
-    os.kill(victim, signal.SIGKILL)
-    _, errors = run.communicate(timeout=20)
-    assert run.returncode == 1
-    assert "tracker ended with code -9" in errors
-    assert not processes_using(tmp_path)
+    with endless_run(tmp_path) as run:
+        victim = next(
+            pid
+            for pid in processes_using(tmp_path)
+            if b"services.tracker" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        )
+        os.kill(victim, signal.SIGKILL)
+        _, errors = run.communicate(timeout=30)
+        assert run.returncode == 1
+        assert "tracker ended with code -9" in errors
+        assert not processes_using(tmp_path)
 
 
 @pytest.mark.parametrize(

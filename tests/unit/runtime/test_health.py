@@ -13,7 +13,7 @@ import pytest
 from schemas import Health, decode, encode
 from schemas.base import MAX_AGE_NS
 from services.runtime.counters import ServiceStatistics
-from services.runtime.health import HUNG_S, HealthReporter
+from services.runtime.health import HUNG_S, START_S, HealthReporter
 from tests.support.arrivals import PRODUCER
 from tests.support.network import DEADLINE_S
 
@@ -104,16 +104,17 @@ def test_problems_degrade_health_and_are_all_named(
     assert (health.state, health.reason) == ("degraded", "camera silent; two producers")
 
 
-@pytest.mark.parametrize("ever_looped", [True, False])
+@pytest.mark.parametrize(("ever_looped", "limit_s"), [(True, HUNG_S), (False, START_S)])
 def test_a_hung_loop_is_an_error_that_says_for_how_long(
-    ever_looped: bool, reporter: HealthReporter, statistics: ServiceStatistics
+    ever_looped: bool, limit_s: float, reporter: HealthReporter, statistics: ServiceStatistics
 ) -> None:
     now_s = time.monotonic()
     if ever_looped:
         statistics.loop(now_s)
-    health = reporter.compose(now_s + HUNG_S + 1.0)
+    assert reporter.compose(now_s + limit_s - 0.5).state == ("ok" if ever_looped else "starting")
+    health = reporter.compose(now_s + limit_s + 1.0)
     assert health.state == "error"
-    assert "loop has hung for 3.0 s: restart it" in health.reason
+    assert f"loop has hung for {limit_s + 1.0:.1f} s: restart it" in health.reason
 
 
 def test_health_is_valid_whatever_was_measured(
