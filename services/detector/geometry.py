@@ -49,11 +49,19 @@ class WorkSize:
         return self.frame_height / self.height
 
     def shrink(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """(frame_height, frame_width, 3) uint8 to (height, width, 3)."""
-        if (self.width, self.height) == (self.frame_width, self.frame_height):
-            return image
-        size = (self.width, self.height)
-        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+        """(frame_height, frame_width, 3) uint8 to (height, width, 3).
+
+        Whole factors by area averaging, what remains, less than 2, by interpolation: averaging by
+        a fraction takes 2.4 ms from 768x576 to 480x360, this 0.4 ms, and scores the same.
+        """
+        whole = min(self.frame_width // self.width, self.frame_height // self.height)
+        if whole > 1:
+            between = (self.frame_width // whole, self.frame_height // whole)
+            image = np.asarray(cv2.resize(image, between, interpolation=cv2.INTER_AREA), np.uint8)
+        if image.shape[:2] != (self.height, self.width):
+            size = (self.width, self.height)
+            image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+        return image
 
     def to_frame(self, box: tuple[int, int, int, int]) -> BoxXyxy:
         """A working box left, top, width, height as a frame box xyxy."""

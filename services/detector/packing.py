@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas import Blob, Patch
-from services.detector.components import Region
 from services.detector.geometry import WorkSize
+from services.detector.regions import Region
 
 PATCH_BUDGET_BYTES = 700_000
 """For all patches of a message; leaves room for evidence (250 kB) under its cap of 1 MiB."""

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from schemas.blobs import FOREGROUND, SHADOW
-from services.detector.components import find_regions
 from services.detector.geometry import WorkSize
-from services.detector.settings import DetectorSettings
+from services.detector.mog2.numbers import COMPOSITE, PAPER
+from services.detector.mog2.true_blobs import find_regions
 
 PETS = WorkSize.of_frame(768, 576, 768)
-PAPER = DetectorSettings(preset="paper")
 
 
 @pytest.mark.parametrize(
@@ -24,16 +24,14 @@ def test_paper_threshold_is_a_hundredth_of_the_frame(width: int, height: int, tr
     """Figure 1 and eq. 3: 663 is no person, above 4423 of 768x576 is."""
     evidence = np.zeros((576, 768), np.uint8)
     evidence[100 : 100 + height, 100 : 100 + width] = FOREGROUND
-    settings = DetectorSettings(
-        preset="paper", open_width_px=0, open_height_px=0, close_width_px=0, close_height_px=0
-    )
-    assert (len(find_regions(evidence, PETS, settings)) == 1) is true
+    numbers = replace(PAPER, open_px=(0, 0), close_px=(0, 0))
+    assert (len(find_regions(evidence, PETS, numbers)) == 1) is true
 
 
 def test_shadow_is_no_person() -> None:
     evidence = np.full((576, 768), SHADOW, np.uint8)
     assert find_regions(evidence, PETS, PAPER) == []
-    assert find_regions(evidence, PETS, DetectorSettings()) == []
+    assert find_regions(evidence, PETS, COMPOSITE) == []
 
 
 def test_opening_removes_what_is_thinner_than_its_kernel() -> None:
@@ -51,25 +49,10 @@ def test_closing_joins_what_a_thin_gap_divides() -> None:
     assert len(find_regions(evidence, PETS, PAPER)) == 1
 
 
-@pytest.mark.parametrize(
-    ("changes", "word"),
-    [
-        ({"thresold": 1}, "thresold"),
-        ({"blur_px": 4}, "odd"),
-        ({"work_width_px": 5000}, "work_width_px"),
-        ({"preset": "best"}, "preset"),
-    ],
-    ids=str,
-)
-def test_wrong_settings_are_named(changes: dict[str, object], word: str) -> None:
-    with pytest.raises(ValidationError, match=word):
-        DetectorSettings.model_validate(changes)
-
-
-def test_preset_gives_way_to_what_is_given_and_not_to_none() -> None:
-    settings = DetectorSettings.model_validate(
-        {"preset": "paper", "min_box_area_fraction": None, "blur_px": 7}
-    )
-    assert settings.min_box_area_fraction == 0.01
-    assert settings.blur_px == 7
-    assert settings.protect is False
+@pytest.mark.parametrize(("gap_px", "filled"), [(10, True), (60, False)], ids=str)
+def test_shadow_between_foreground_is_a_person_again(gap_px: int, filled: bool) -> None:
+    evidence = np.zeros((576, 768), np.uint8)
+    evidence[100:200, 100:200] = FOREGROUND
+    evidence[200 : 200 + gap_px, 100:200] = SHADOW
+    evidence[200 + gap_px : 400, 100:200] = FOREGROUND
+    assert (len(find_regions(evidence, PETS, COMPOSITE)) == 1) is filled

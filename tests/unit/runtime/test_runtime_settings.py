@@ -55,13 +55,13 @@ def test_flags_win_over_the_environment_and_that_over_the_file(
 ) -> None:
     file = write(
         tmp_path,
-        '[detector]\nblur_px = 3\nmedian_px = 3\nwork_width_px = 320\n[log]\nlevel = "debug"\n',
+        '[detector]\nblur_px = 3\nfeedback_lag_frames = 3\nwork_width_px = 320\n[log]\nlevel = "debug"\n',
     )
-    monkeypatch.setenv("HEEL_DETECTOR__MEDIAN_PX", "0")
+    monkeypatch.setenv("HEEL_DETECTOR__FEEDBACK_LAG_FRAMES", "0")
     monkeypatch.setenv("HEEL_DETECTOR__WORK_WIDTH_PX", "640")
     loaded = load(file, {"detector": {"work_width_px": "800"}})
     service = loaded.service
-    assert (service.blur_px, service.median_px, service.work_width_px) == (3, 0, 800)
+    assert (service.blur_px, service.feedback_lag_frames, service.work_width_px) == (3, 0, 800)
     assert loaded.log.level == "debug"
 
 
@@ -99,7 +99,7 @@ def test_lists_in_the_environment_are_typed_as_people_type_them(
         ('[detector]\nblur_px = "wide"\n', ["detector.blur_px = 'wide'", "valid integer"]),
         ("[detector]\nblur_px = 99\n", ["detector.blur_px = 99", "less than or equal to 31"]),
         ("[detector]\nblur_px = 4\n", ["detector", "blur_px 4 is even"]),
-        ("[detector]\nmin_fill = nan\n", ["detector.min_fill = nan", "finite"]),
+        ("[detector]\nshadow_ratio = nan\n", ["detector.shadow_ratio = nan", "finite"]),
         ('[detector]\npreset = "fast"\n', ["detector.preset = 'fast'", "'default' or 'paper'"]),
         ('[detector]\ncamera = "*"\n', ["detector.camera = '*'", "pattern"]),
         ("[detector\n", ["not TOML", "line 1"]),

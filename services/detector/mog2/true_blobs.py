@@ -2,50 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from schemas.blobs import FOREGROUND, SHADOW
 from services.detector.geometry import WorkSize
-from services.detector.settings import DetectorSettings
+from services.detector.mog2.numbers import Mog2Numbers
+from services.detector.regions import Region, regions_of
 
 
-@dataclass(frozen=True, slots=True)
-class Region:
-    """One connected region, in working pixels."""
-
-    left: int
-    top: int
-    width: int
-    height: int
-    area: int
-    centroid_x: float
-    centroid_y: float
-
-
-def find_regions(
-    evidence: NDArray[np.uint8], size: WorkSize, settings: DetectorSettings
-) -> list[Region]:
+def find_regions(evidence: NDArray[np.uint8], size: WorkSize, numbers: Mog2Numbers) -> list[Region]:
     """Regions of foreground that pass the true-blob test, largest first.
 
     Args:
         evidence: (H, W) uint8 of NONE, SHADOW and FOREGROUND; shadow counts as nothing.
         size: the working size of the frame.
-        settings: kernels and thresholds.
+        numbers: kernels and thresholds.
     """
-    mask = clean(person_pixels(evidence, settings.shadow_fill_fraction), settings)
-    count, _, stats, centroids = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    regions = []
-    for label in range(1, count):
-        left, top, width, height, area = (int(value) for value in stats[label])
-        x, y = (float(value) for value in centroids[label])
-        region = Region(left, top, width, height, area, x, y)
-        if is_true_blob(region, size, settings):
-            regions.append(region)
-    return sorted(regions, key=lambda region: (-region.area, region.left, region.top))
+    mask = clean(person_pixels(evidence, numbers.shadow_fill_fraction), numbers)
+    return [region for region in regions_of(mask) if is_true_blob(region, size, numbers)]
 
 
 def person_pixels(evidence: NDArray[np.uint8], fill_fraction: float) -> NDArray[np.uint8]:
@@ -66,27 +42,27 @@ def person_pixels(evidence: NDArray[np.uint8], fill_fraction: float) -> NDArray[
     return np.where((bridged > 0) & (evidence == SHADOW), np.uint8(1), foreground)
 
 
-def clean(mask: NDArray[np.uint8], settings: DetectorSettings) -> NDArray[np.uint8]:
+def clean(mask: NDArray[np.uint8], numbers: Mog2Numbers) -> NDArray[np.uint8]:
     """Opening, then closing, of a (H, W) mask of 0 and 1; a size of 0 leaves a step out."""
     steps = (
-        (cv2.MORPH_OPEN, settings.open_width_px, settings.open_height_px),
-        (cv2.MORPH_CLOSE, settings.close_width_px, settings.close_height_px),
+        (cv2.MORPH_OPEN, numbers.open_px),
+        (cv2.MORPH_CLOSE, numbers.close_px),
     )
-    for operation, width, height in steps:
-        if width and height:
-            kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, height))
+    for operation, kernel_px in steps:
+        if all(kernel_px):
+            kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, kernel_px)
             mask = np.asarray(cv2.morphologyEx(mask, operation, kernel), np.uint8)
     return mask
 
 
-def is_true_blob(region: Region, size: WorkSize, settings: DetectorSettings) -> bool:
+def is_true_blob(region: Region, size: WorkSize, numbers: Mog2Numbers) -> bool:
     """The paper's test, eq. 3 (box area above R * C / 100), with relative numbers.
 
     A share of the frame is the same at working size and at full size.
     """
     box_area = region.width * region.height
     return (
-        box_area > settings.min_box_area_fraction * size.width * size.height
-        and region.height >= settings.min_height_fraction * size.height
-        and region.area >= settings.min_fill * box_area
+        box_area > numbers.min_box_area_fraction * size.width * size.height
+        and region.height >= numbers.min_height_fraction * size.height
+        and region.area >= numbers.min_fill * box_area
     )
