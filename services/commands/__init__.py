@@ -9,6 +9,7 @@ from services.commands.demo import demo
 from services.commands.run import run
 from services.commands.schema import schema
 from services.commands.score import score
+from services.commands.track_detections import track_detections
 
 
 def register_tools(app: typer.Typer) -> None:
@@ -16,6 +17,7 @@ def register_tools(app: typer.Typer) -> None:
     app.command()(demo)
     app.command()(run)
     app.command("eval")(score)
+    app.command("track-detections")(track_detections)
     app.command()(follow)
     app.command()(stop)
     app.command()(resume)

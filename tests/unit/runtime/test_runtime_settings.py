@@ -57,11 +57,11 @@ def test_flags_win_over_the_environment_and_that_over_the_file(
         tmp_path,
         '[detector]\nblur_px = 3\nfeedback_lag_frames = 3\nwork_width_px = 320\n[log]\nlevel = "debug"\n',
     )
-    monkeypatch.setenv("HEEL_DETECTOR__FEEDBACK_LAG_FRAMES", "0")
+    monkeypatch.setenv("HEEL_DETECTOR__FEEDBACK_LAG_FRAMES", "4")
     monkeypatch.setenv("HEEL_DETECTOR__WORK_WIDTH_PX", "640")
     loaded = load(file, {"detector": {"work_width_px": "800"}})
     service = loaded.service
-    assert (service.blur_px, service.feedback_lag_frames, service.work_width_px) == (3, 0, 800)
+    assert (service.blur_px, service.feedback_lag_frames, service.work_width_px) == (3, 4, 800)
     assert loaded.log.level == "debug"
 
 

@@ -1,0 +1,118 @@
+"""Which box belongs to which track: log likelihood ratios, Kuhn-Munkres, and how sure that is.
+
+A pair's weight is the log of the odds that the box comes from the track rather than from a
+newcomer or a false alarm, so gating and refusing are one rule: a track whose prediction has grown
+vague loses to `newcomer_density` by itself.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from services.tracker.given_boxes.geometry import AXES, FloatArray
+from services.tracker.given_boxes.kalman import measurement_variance
+from services.tracker.given_boxes.settings import AssociationSettings, MotionSettings
+
+REFUSED = -1e6
+
+
+def log_student(
+    residual: FloatArray, variance: FloatArray, settings: AssociationSettings
+) -> tuple[FloatArray, FloatArray]:
+    """Log density of residuals under a Student t of the given variances, and their distance.
+
+    Heavy tails, because detectors' boxes jump when people overlap.
+
+    Args:
+        residual: (N, M, 4).
+        variance: (N, 1, 4) or (N, M, 4), same units squared, > 0.
+        settings: degrees of freedom.
+
+    Returns:
+        Log density (N, M) and Mahalanobis distance (N, M) in sigmas.
+    """
+    tail = settings.tail
+    squared = (residual**2 / variance).sum(axis=2)
+    norm = math.lgamma((tail + AXES) / 2) - math.lgamma(tail / 2)
+    norm -= AXES / 2 * math.log((tail - 2) * math.pi)
+    density = norm - 0.5 * np.log(variance).sum(axis=2)
+    density = density - (tail + AXES) / 2 * np.log1p(squared / (tail - 2))
+    return density, np.sqrt(squared)
+
+
+def in_heights(heights: FloatArray) -> FloatArray:
+    """Unit (N, 4) of each axis: the person's height for the centre, 1 for the logarithms."""
+    scale = np.ones((len(heights), AXES))
+    scale[:, :2] = heights[:, None]
+    return scale
+
+
+def newcomer_log_density(
+    measurements: FloatArray, settings: AssociationSettings, motion: MotionSettings
+) -> FloatArray:
+    """Log density (M,) of a box that no known person explains, per squared height and ln sizes."""
+    aspect = measurements[:, 3] - math.log(motion.aspect_mean)
+    variance = motion.aspect_spread**2 + motion.noise_aspect**2
+    # A newcomer's height is anything people have in one scene: the mean log density of a normal.
+    height = -0.5 * math.log(2 * math.pi) - math.log(settings.height_spread) - 0.5
+    aspects = -0.5 * math.log(2 * math.pi * variance) - 0.5 * aspect**2 / variance
+    return np.asarray(math.log(settings.newcomer_density) + height + aspects)
+
+
+def pair_log_odds(
+    mean: FloatArray,
+    covariance: FloatArray,
+    rates: FloatArray,
+    measurements: FloatArray,
+    settings: AssociationSettings,
+    motion: MotionSettings,
+) -> FloatArray:
+    """Log odds (N, M) that a box is of a track, against leaving both unpaired.
+
+    Args:
+        mean: (N, 4, 2) and covariance: (N, 4, 2, 2), predicted, see `kalman`.
+        rates: (N,) chance in (0, 1) of each track to be real and to get a box.
+        measurements: (M, 4) boxes as of `geometry.boxes_to_measurements`.
+        settings: gate, tails, newcomers.
+        motion: scatter of boxes.
+    """
+    value = mean[:, :, 0]
+    scale = in_heights(np.exp(value[:, 2]))
+    variance = (covariance[:, :, 0, 0] + measurement_variance(value, motion)) / scale**2
+    residual = (measurements[None] - value[:, None]) / scale[:, None]
+    density, distance = log_student(residual, variance[:, None], settings)
+    prior = np.log(rates) - np.log1p(-rates)
+    odds = density + prior[:, None] - newcomer_log_density(measurements, settings, motion)[None]
+    return np.asarray(np.where(distance > settings.gate, REFUSED, odds))
+
+
+def assign(log_odds: FloatArray) -> list[tuple[int, int]]:
+    """Pairs (track, box) of the most probable assignment (Kuhn-Munkres).
+
+    Args:
+        log_odds: (N, M) log odds of each pair against leaving both unpaired; only pairs above zero
+            are worth making.
+    """
+    if log_odds.size == 0:
+        return []
+    rows, columns = linear_sum_assignment(np.maximum(log_odds, 0.0), maximize=True)
+    return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if log_odds[i, j] > 0]
+
+
+def marginals(log_odds: FloatArray, iterations: int = 12) -> FloatArray:
+    """Probability (N, M) that each box belongs to each track, over all assignments at once.
+
+    Belief propagation of Williams & Lau, "Approximate evaluation of marginal association
+    probabilities with belief propagation", IEEE T-AES 50(4), 2014.
+    """
+    weight = np.exp(np.clip(log_odds, -50.0, 50.0))
+    to_track = np.ones_like(weight)
+    for _ in range(iterations):
+        product = weight * to_track
+        to_box = weight / (1.0 + product.sum(axis=1, keepdims=True) - product)
+        to_track = 1.0 / (1.0 + to_box.sum(axis=0, keepdims=True) - to_box)
+    product = weight * to_track
+    return np.asarray(product / (1.0 + product.sum(axis=1, keepdims=True)))

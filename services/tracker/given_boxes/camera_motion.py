@@ -1,0 +1,51 @@
+"""Does the camera move? Told by the boxes alone.
+
+A Kalman filter's surprises are each person's own while the camera stands: people do not change pace
+together. A camera that turns or shakes surprises all of them at once and alike. So the correlation
+of surprises between people of one frame tells a moving camera; people who walk steadily side by
+side do not look like one, since the filters expect what they do.
+"""
+
+from __future__ import annotations
+
+from services.tracker.given_boxes.geometry import FloatArray
+from services.tracker.given_boxes.settings import CameraSettings, MotionSettings
+
+
+class CameraMotion:
+    """Running correlation of surprises, started from a camera that stands still."""
+
+    def __init__(self, settings: CameraSettings, motion: MotionSettings) -> None:
+        self.settings = settings
+        # Surprises below the usual scatter of boxes say nothing: hand-made boxes are corrected in
+        # one frame for everybody, which is no motion of the camera.
+        self._scatter = motion.noise_x**2 + motion.noise_y**2
+        self._common = 0.0
+        self._total = 0.0
+        self._weight = 0.0
+
+    def learn(self, surprises: FloatArray) -> None:
+        """Take one frame's innovations (N, 2) of people seen in the last frame, too, in heights.
+
+        Under equal correlation c, E[(sum e)^2 - sum e^2] = (n - 1) c E[sum e^2].
+        """
+        count = len(surprises)
+        if count < 2:
+            return
+        own = float((surprises**2).sum())
+        common = (float((surprises.sum(axis=0) ** 2).sum()) - own) / (count - 1)
+        keep = 1 - 1 / self.settings.memory_frames
+        self._common = keep * self._common + common
+        self._total = keep * self._total + max(own, count * self._scatter)
+        self._weight = keep * self._weight + count
+
+    def correlation(self) -> float:
+        """Share in [0, 1] of the surprises that people have in common; 0 until it is known."""
+        if self._weight == 0:
+            return 0.0
+        sure = self._weight / (self._weight + self.settings.prior_boxes)
+        return min(max(sure * self._common / max(self._total, 1e-12), 0.0), 1.0)
+
+    def stands(self) -> bool:
+        """Whether places in the picture are places in the world."""
+        return self.correlation() < self.settings.most_correlation

@@ -1,0 +1,90 @@
+"""Box arithmetic shared by the association modules: shapes, overlaps and coverage.
+
+Every function is pure and works on float arrays of `xyxy` pixel boxes, origin top-left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+AXES = 4  # centre x, centre y, log height, log aspect ratio (width / height)
+
+
+def boxes_to_measurements(boxes: FloatArray) -> FloatArray:
+    """Turn (N, 4) xyxy pixel boxes into (N, 4) rows of centre x, centre y, ln height, ln aspect.
+
+    Height and aspect ratio are a one-to-one change of variables from the paper's area `A = w h`
+    and span `s = sqrt(w^2 + h^2)`. Unlike those two their errors are nearly independent, and in
+    logarithms they are the same for near and far people.
+    """
+    width = boxes[:, 2] - boxes[:, 0]
+    height = boxes[:, 3] - boxes[:, 1]
+    return np.stack(
+        [
+            (boxes[:, 0] + boxes[:, 2]) / 2,
+            (boxes[:, 1] + boxes[:, 3]) / 2,
+            np.log(height),
+            np.log(width / height),
+        ],
+        axis=1,
+    )
+
+
+def measurements_to_boxes(measurements: FloatArray) -> FloatArray:
+    """Inverse of `boxes_to_measurements`: (N, 4) rows back to (N, 4) xyxy pixel boxes."""
+    half_height = np.exp(measurements[:, 2]) / 2
+    half_width = half_height * np.exp(measurements[:, 3])
+    centre_x, centre_y = measurements[:, 0], measurements[:, 1]
+    return np.stack(
+        [
+            centre_x - half_width,
+            centre_y - half_height,
+            centre_x + half_width,
+            centre_y + half_height,
+        ],
+        axis=1,
+    )
+
+
+def intersection_area(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Area in square pixels shared by each of (N, 4) and each of (M, 4) boxes, shape (N, M)."""
+    top_left = np.maximum(first[:, None, :2], second[None, :, :2])
+    bottom_right = np.minimum(first[:, None, 2:], second[None, :, 2:])
+    extent = np.clip(bottom_right - top_left, 0.0, None)
+    return np.asarray(extent[..., 0] * extent[..., 1])
+
+
+def box_area(boxes: FloatArray) -> FloatArray:
+    """Area in square pixels of each of (N, 4) boxes, shape (N,)."""
+    return np.asarray((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
+
+
+def iou(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Intersection over union in [0, 1] of each of (N, 4) and each of (M, 4) boxes, (N, M)."""
+    shared = intersection_area(first, second)
+    union = box_area(first)[:, None] + box_area(second)[None, :] - shared
+    return np.asarray(shared / np.maximum(union, 1e-9))
+
+
+def covered_share(boxes: FloatArray) -> FloatArray:
+    """Share in [0, 1] of each of (N, 4) boxes hidden by the nearer box that hides most of it.
+
+    Nearer means a lower foot line (larger bottom y), as on a common ground plane.
+    """
+    if len(boxes) < 2:
+        return np.zeros(len(boxes))
+    shared = intersection_area(boxes, boxes) / np.maximum(box_area(boxes), 1e-9)[:, None]
+    nearer = boxes[None, :, 3] > boxes[:, None, 3]
+    return np.asarray(np.where(nearer, shared, 0.0).max(axis=1))
+
+
+def crowding(boxes: FloatArray) -> FloatArray:
+    """Share in [0, 1] of each of (N, 4) boxes that the box it overlaps most has in common."""
+    if len(boxes) < 2:
+        return np.zeros(len(boxes))
+    shared = intersection_area(boxes, boxes) / np.maximum(box_area(boxes), 1e-9)[:, None]
+    np.fill_diagonal(shared, 0.0)
+    return np.asarray(shared.max(axis=1))

@@ -1,0 +1,163 @@
+"""Merged boxes: one detector box drawn around several people who overlap.
+
+The paper sees a merge when the number of blobs falls and a larger blob appears. Here the same is a
+hypothesis beside the others: the box is the union of the predicted boxes of two people. If it wins,
+each edge of the box is believed to be that of the person whose predicted edge lies outermost, and
+with the person's known size that edge alone tells where the person is. So both are still measured
+while merged, and part with the right identities at the split.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.tracker.given_boxes.association import REFUSED, assign, in_heights, log_student
+from services.tracker.given_boxes.geometry import (
+    FloatArray,
+    box_area,
+    boxes_to_measurements,
+    intersection_area,
+)
+from services.tracker.given_boxes.settings import AssociationSettings, GroupSettings, MotionSettings
+
+
+@dataclass(frozen=True)
+class Merge:
+    """Two tracks that share one box, and by how much (log odds) this beats leaving all unpaired."""
+
+    tracks: tuple[int, int]
+    box: int
+    log_odds: float
+
+
+def merge_candidates(
+    members: list[int],
+    predicted: FloatArray,
+    boxes: FloatArray,
+    rates: FloatArray,
+    newcomer: FloatArray,
+    settings: tuple[GroupSettings, AssociationSettings, MotionSettings],
+) -> list[Merge]:
+    """All merges worth considering.
+
+    Args:
+        members: indices of the tracks that may merge.
+        predicted: (N, 4) predicted xyxy boxes of all tracks.
+        boxes: (M, 4) detector's boxes.
+        rates: (N,) chance of each track to be seen.
+        newcomer: (M,) log density of a newcomer's box.
+        settings: group, association and motion settings.
+    """
+    group, association, _ = settings
+    if len(members) < 2 or len(boxes) == 0:
+        return []
+    first, second, shared, union = _overlapping(predicted[members], group)
+    if len(first) == 0:
+        return []
+    density, distance = _fit(union, boxes, settings)
+    odds = np.log(rates[members] / (1 - rates[members]))
+    merged = np.log(np.minimum(group.rate * shared, 0.95))
+    total = density - newcomer[None] + (odds[first] + odds[second] + merged)[:, None]
+    good = (distance < association.gate) & (total > 0)
+    return [
+        Merge((members[first[p]], members[second[p]]), int(j), float(total[p, j]))
+        for p, j in zip(*np.nonzero(good), strict=True)
+    ]
+
+
+def _overlapping(
+    predicted: FloatArray, group: GroupSettings
+) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
+    """Pairs of (N, 4) boxes that may merge: indices (P,) twice, overlap (P,), union (P, 4)."""
+    area = box_area(predicted)
+    overlap = intersection_area(predicted, predicted) / np.minimum(area[:, None], area[None])
+    first, second = np.nonzero(np.triu(overlap > group.overlap, 1))
+    union = np.concatenate(
+        [
+            np.minimum(predicted[first, :2], predicted[second, :2]),
+            np.maximum(predicted[first, 2:], predicted[second, 2:]),
+        ],
+        axis=1,
+    )
+    large = box_area(union) > (1 + group.growth) * np.maximum(area[first], area[second])
+    first, second = first[large], second[large]
+    return first, second, overlap[first, second], union[large]
+
+
+def _fit(
+    union: FloatArray,
+    boxes: FloatArray,
+    settings: tuple[GroupSettings, AssociationSettings, MotionSettings],
+) -> tuple[FloatArray, FloatArray]:
+    """Log density (P, M) of (M, 4) boxes about (P, 4) unions, and distance in sigmas."""
+    group, association, motion = settings
+    value, seen = boxes_to_measurements(union), boxes_to_measurements(boxes)
+    scale = in_heights(np.exp(value[:, 2]))
+    spread = np.array([motion.noise_x, motion.noise_y, motion.noise_height, motion.noise_aspect])
+    variance = np.broadcast_to((group.noise * spread) ** 2, scale.shape)
+    return log_student(
+        (seen[None] - value[:, None]) / scale[:, None], variance[:, None], association
+    )
+
+
+def choose_merges(
+    log_odds: FloatArray, candidates: list[Merge]
+) -> tuple[list[tuple[int, int]], list[Merge], FloatArray]:
+    """Kuhn-Munkres, then every merge that is worth more than what its members got, best first.
+
+    Args:
+        log_odds: (N, M) of single pairs. candidates: merges over the same rows and columns.
+
+    Returns:
+        The pairs (track, box), the merges, and the log odds with what is merged refused.
+    """
+    pairs = assign(log_odds)
+    merges: list[Merge] = []
+    for merge in sorted(candidates, key=lambda candidate: -candidate.log_odds):
+        taken = {i for done in merges for i in done.tracks}
+        if taken & set(merge.tracks) or any(done.box == merge.box for done in merges):
+            continue
+        trial = log_odds.copy()
+        trial[list(merge.tracks)] = REFUSED
+        trial[:, merge.box] = REFUSED
+        rest = assign(trial)
+        worth = merge.log_odds + sum(float(trial[i, j]) for i, j in rest)
+        if worth > sum(float(log_odds[i, j]) for i, j in pairs):
+            pairs, log_odds = rest, trial
+            merges.append(merge)
+    return pairs, merges, log_odds
+
+
+def measure_members(
+    predicted: FloatArray, box: FloatArray, slack: float
+) -> tuple[FloatArray, FloatArray]:
+    """Where the members of a merged box are, by the edges that are theirs.
+
+    Args:
+        predicted: (K, 4) predicted xyxy boxes of the members. box: (4,) the merged box.
+        slack: an edge is shared by members whose predicted edges are closer than this [heights].
+
+    Returns:
+        Centres (K, 2) in pixels and variance factors (K, 2): infinite where no edge is known.
+    """
+    count = len(predicted)
+    centre, factor = np.zeros((count, 2)), np.full((count, 2), math.inf)
+    size = predicted[:, 2:] - predicted[:, :2]
+    for axis in (0, 1):
+        low, high = predicted[:, axis], predicted[:, axis + 2]
+        margin = slack * float(size[:, 1].mean())
+        owns_low = low <= np.min(low) + margin
+        owns_high = high >= np.max(high) - margin
+        by_low, by_high = box[axis] + size[:, axis] / 2, box[axis + 2] - size[:, axis] / 2
+        owned = owns_low.astype(float) + owns_high
+        value = (owns_low * by_low + owns_high * by_high) / np.maximum(owned, 1)
+        alone = np.where(owns_low, owns_low.sum(), 0) + np.where(owns_high, owns_high.sum(), 0)
+        centre[:, axis] = np.where(owned > 0, value, (low + high) / 2)
+        factor[:, axis] = np.where(
+            owned > 0, np.maximum(alone / np.maximum(owned, 1), 1.0), math.inf
+        )
+    return centre, factor

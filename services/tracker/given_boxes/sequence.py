@@ -1,0 +1,66 @@
+"""A whole sequence of given boxes through the tracker, frame by frame, in time order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.tracker.given_boxes.appearance import describe
+from services.tracker.given_boxes.box_tracker import BoxTracker
+from services.tracker.given_boxes.geometry import FloatArray
+from services.tracker.given_boxes.settings import BoxTrackerSettings
+from services.tracker.given_boxes.track import TrackOutput
+
+Picture = Callable[[int], NDArray[np.uint8]]
+"""Gives the (H, W, 3) uint8 BGR picture of a frame, by its number from 1."""
+
+
+@dataclass(frozen=True)
+class GivenSequence:
+    """What a detector found in one sequence.
+
+    Attributes:
+        frames: (N,) frame numbers from 1, in any order.
+        boxes: (N, 4) float64 xyxy pixels.
+        scores: (N,) float64, any scale; more is surer.
+        fps: frames per second, > 0.
+        frame_count: frames to go through; more are gone through if there are boxes in them.
+        image_size: (width, height) in pixels, where known.
+    """
+
+    frames: NDArray[np.int64]
+    boxes: FloatArray
+    scores: FloatArray
+    fps: float
+    frame_count: int = 0
+    image_size: tuple[int, int] | None = None
+
+
+def track_sequence(
+    given: GivenSequence,
+    settings: BoxTrackerSettings | None = None,
+    picture: Picture | None = None,
+) -> Iterator[tuple[int, list[TrackOutput]]]:
+    """Yield each frame's number and the tracks a user is shown.
+
+    Args:
+        given: boxes, scores and clock.
+        settings: of the tracker; defaults if None.
+        picture: where to get pictures; without, the boxes are all there is.
+
+    Raises:
+        HeelError: a box or score is not finite, or a box has no area.
+    """
+    tracker = BoxTracker(settings, given.image_size)
+    order = np.argsort(given.frames, kind="stable")
+    last = max(given.frame_count, int(given.frames.max(initial=0)))
+    limits = np.searchsorted(given.frames[order], np.arange(1, last + 2))
+    for frame in range(1, last + 1):
+        rows = order[limits[frame - 1] : limits[frame]]
+        boxes = given.boxes[rows]
+        looks = None if picture is None else describe(picture(frame), boxes)
+        tracks = tracker.update(boxes, given.scores[rows], (frame - 1) / given.fps, looks)
+        yield frame, [track for track in tracks if track.shown]

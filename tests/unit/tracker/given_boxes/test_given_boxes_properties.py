@@ -1,0 +1,120 @@
+"""What holds of every crowd, on crowds made up from seeds."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from services.tracker.given_boxes.box_tracker import BoxTracker
+from services.tracker.given_boxes.camera_motion import CameraMotion
+from services.tracker.given_boxes.geometry import boxes_to_measurements, measurements_to_boxes
+from services.tracker.given_boxes.score_scale import ScoreScale
+from services.tracker.given_boxes.settings import CameraSettings, MotionSettings
+from services.tracker.given_boxes.track import TrackOutput
+
+Frame = tuple[NDArray[np.float64], NDArray[np.float64]]
+SEEDS = st.integers(0, 10_000)
+
+
+def crowd(seed: int, frames: int = 40) -> list[Frame]:
+    """People who walk, with missed, jittered, doubled and false boxes."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 7))
+    place, speed = rng.uniform(100, 500, (count, 2)), rng.normal(0, 4, (count, 2))
+    made = []
+    for _ in range(frames):
+        place = place + speed
+        seen = place[rng.random(count) < 0.85]
+        false = rng.uniform(50, 550, (int(rng.poisson(0.5)), 2))
+        foot = np.concatenate([seen, seen[rng.random(len(seen)) < 0.1], false])
+        foot = foot + rng.normal(0, 2, foot.shape)
+        half = np.array([18.0, 0.0])
+        boxes = np.hstack([foot - half - np.array([0.0, 90.0]), foot + half])
+        made.append((boxes, rng.uniform(0.3, 1.0, len(boxes))))
+    return made
+
+
+def track(frames: list[Frame]) -> list[list[TrackOutput]]:
+    tracker = BoxTracker(image_size=(640, 640))
+    return [tracker.update(boxes, scores, k / 7) for k, (boxes, scores) in enumerate(frames)]
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(SEEDS)
+def test_ids_are_unique_in_a_frame_and_never_reused_after_being_given_up(seed: int) -> None:
+    highest = 0
+    known: set[int] = set()
+    for tracks in track(crowd(seed)):
+        ids = [output.track_id for output in tracks if output.track_id]
+        assert len(ids) == len(set(ids))
+        fresh = set(ids) - known
+        assert all(identity > highest for identity in fresh)
+        known |= fresh
+        highest = max(known, default=0)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(SEEDS)
+def test_the_order_of_the_boxes_does_not_matter(seed: int) -> None:
+    frames = crowd(seed)
+    rng = np.random.default_rng(seed)
+    mixed = []
+    for boxes, scores in frames:
+        order = rng.permutation(len(boxes))
+        mixed.append((boxes[order], scores[order]))
+    for one, other in zip(track(frames), track(mixed), strict=True):
+        assert [output.track_id for output in one] == [output.track_id for output in other]
+        for first, second in zip(one, other, strict=True):
+            np.testing.assert_array_equal(first.box, second.box)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(SEEDS)
+def test_confidence_is_a_probability_and_boxes_are_boxes(seed: int) -> None:
+    for output in (output for tracks in track(crowd(seed)) for output in tracks):
+        assert 0 <= output.identity_confidence <= 1
+        assert np.isfinite(output.box).all()
+        assert (output.box[2:] > output.box[:2]).all()
+        assert output.track_id > 0 or not output.shown
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(SEEDS)
+def test_what_was_said_does_not_depend_on_the_future(seed: int) -> None:
+    frames = crowd(seed)
+    whole, part = track(frames), track(frames[:20])
+    for one, other in zip(whole, part, strict=False):
+        assert [output.track_id for output in one] == [output.track_id for output in other]
+
+
+@given(SEEDS)
+def test_boxes_survive_the_way_to_measurements_and_back(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    corner = rng.uniform(-100, 500, (5, 2))
+    boxes = np.hstack([corner, corner + rng.uniform(2, 300, (5, 2))])
+    np.testing.assert_allclose(measurements_to_boxes(boxes_to_measurements(boxes)), boxes)
+
+
+def test_scores_are_shares_of_what_continuing_tracks_have() -> None:
+    scale = ScoreScale()
+    scale.learn(np.array([20.0, 30.0, 40.0]))
+    assert scale.normalised(np.array([-3.0, 15.0, 30.0, 60.0])).tolist() == [0.0, 0.5, 1.0, 1.0]
+
+
+def test_scores_without_meaning_count_alike() -> None:
+    scale = ScoreScale()
+    assert scale.normalised(np.array([-1.0, -1.0])).tolist() == [1.0, 1.0]
+    assert scale.normalised(np.zeros(0)).tolist() == []
+
+
+def test_a_camera_moves_if_all_are_surprised_alike() -> None:
+    rng = np.random.default_rng(2)
+    for shake, stands in ((0.0, True), (0.05, False)):
+        motion = CameraMotion(CameraSettings(), MotionSettings())
+        assert motion.stands()
+        for _ in range(300):
+            motion.learn(rng.normal(0, 0.03, (6, 2)) + rng.normal(0, shake, 2))
+        assert motion.stands() == stands
+        assert 0 <= motion.correlation() <= 1
