@@ -21,7 +21,7 @@ from services.pipeline import scene_truth
 from tests.support.network import wait_until
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-SCENE = "scene:crossing?frames=60&width=320&height=240"
+SCENE = "scene:crossing?frames=120&width=320&height=240"
 
 
 def blocks() -> list[list[str]]:

@@ -17,7 +17,7 @@ import pytest
 
 from tests.support.network import wait_until
 
-SCENE = "scene:crossing?frames=60&width=320&height=240"
+SCENE = "scene:crossing?frames=120&width=320&height=240"
 HEEL = [sys.executable, "-m", "services"]
 DEADLINE_S = 60.0
 
@@ -54,7 +54,7 @@ def lossless(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_lossless_run_loses_nothing(lossless: Path) -> None:
     summary = json.loads((lossless / "summary.json").read_text())
-    assert summary["frames"] == {"captured": 60, "detected": 60, "tracked": 60}
+    assert summary["frames"] == {"captured": 120, "detected": 120, "tracked": 120}
     assert set(summary["dropped"].values()) == {0}
     assert set(summary["malformed"].values()) == {0}
     assert {"capture", "detector", "tracker", "follower"} <= set(summary["cpu_s"])
@@ -79,7 +79,7 @@ def test_lossless_run_equals_itself(lossless: Path, tmp_path: Path) -> None:
 
 def test_annotated_video_holds_every_frame(lossless: Path) -> None:
     video = cv2.VideoCapture(str(lossless / "annotated.mp4"))
-    assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 60
+    assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 120
     video.release()
 
 
@@ -88,8 +88,8 @@ def test_live_run_of_a_recording_reports_ages_by_hop(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert set(summary["age_ms"]) == {"blobs", "tracks", "command"}
-    assert summary["frames"]["captured"] == 60
-    assert summary["frames"]["tracked"] + sum(summary["dropped"].values()) >= 59
+    assert summary["frames"]["captured"] == 120
+    assert summary["frames"]["tracked"] + sum(summary["dropped"].values()) >= 118
 
 
 @contextmanager

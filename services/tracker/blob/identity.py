@@ -6,14 +6,14 @@ are N! ways; Kuhn-Munkres finds the cheapest in O(N^3).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.assignment import solve
-from services.tracker.features import Features
+from services.tracker.blob.assignment import solve
+from services.tracker.blob.features import FAMILIES, Features
 
 _IMPOSSIBLE = 1e6
 
@@ -32,7 +32,7 @@ class Retention:
 
 
 def cost_matrix(
-    references: Sequence[Features], currents: Sequence[Features], weights: Mapping[str, float]
+    references: Sequence[Features], currents: Sequence[Features]
 ) -> NDArray[np.float64]:
     """L1 distances of each person's reference to each part's features.
 
@@ -42,18 +42,17 @@ def cost_matrix(
     Args:
         references: N people's features from before the merge.
         currents: M parts' features.
-        weights: of each family.
 
     Returns:
         (N, M) float64.
     """
     total = np.zeros((len(references), len(currents)))
-    for family, weight in weights.items():
+    for family in FAMILIES:
         distances = np.array([[float(np.abs(current[family] - reference[family]).sum())
                                for current in currents] for reference in references])  # fmt: skip
         mean = float(distances.mean())
         if mean > 0:
-            total += weight * distances / mean
+            total += distances / mean
     mean = float(total.mean())
     return total / mean if mean > 0 else total
 

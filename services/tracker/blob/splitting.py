@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from services.tracker import boxes
-from services.tracker.clusters import Cluster, slots_of
-from services.tracker.features import FeatureExtractor
-from services.tracker.identity import Retention, cost_matrix, retain
-from services.tracker.lifecycle import Person
-from services.tracker.settings import TrackerSettings
-from services.tracker.view import Sighting, View
+from services.tracker.blob import boxes
+from services.tracker.blob.clusters import Cluster, slots_of
+from services.tracker.blob.features import extract
+from services.tracker.blob.identity import Retention, cost_matrix, retain
+from services.tracker.blob.lifecycle import Person
+from services.tracker.blob.settings import BlobSettings
+from services.tracker.blob.sighting import Sighting
 
 _UNINFORMATIVE = 1.0
 """Cost of a place among several people, whose pixels are mixed: the mean of all costs."""
@@ -19,24 +19,20 @@ _UNINFORMATIVE = 1.0
 def split(
     people: Sequence[Person],
     parts: Sequence[Sighting],
-    view: View,
-    features: FeatureExtractor,
-    settings: TrackerSettings,
+    settings: BlobSettings,
 ) -> list[tuple[Cluster, Sighting]]:
     """Give each person to a part by the features from before the merge.
 
     Args:
         people: the group, all with reference features.
         parts: 2 to `len(people)` blobs.
-        view: the frame.
-        features: the feature extractor the references were made with.
         settings: sharpness of the identity confidence.
 
     Returns:
         Per part the people in it, identities decided and positions moved there.
     """
     slots = slots_of(parts, len(people))
-    decision = _decide(people, parts, slots, view, features, settings)
+    decision = _decide(people, parts, slots, settings)
     clusters = []
     for index, part in enumerate(parts):
         members = [
@@ -56,13 +52,11 @@ def _decide(
     people: Sequence[Person],
     parts: Sequence[Sighting],
     slots: Sequence[int],
-    view: View,
-    features: FeatureExtractor,
-    settings: TrackerSettings,
+    settings: BlobSettings,
 ) -> Retention:
-    current = [features.extract(part.pixels, view.mask(part)) for part in parts]
+    current = [extract(part.pixels) for part in parts]
     references = [person.reference or {} for person in people]
-    costs = cost_matrix(references, [current[slot] for slot in slots], features.weights)
+    costs = cost_matrix(references, [current[slot] for slot in slots])
     for column, slot in enumerate(slots):
         if slots.count(slot) > 1:
             costs[:, column] = _UNINFORMATIVE

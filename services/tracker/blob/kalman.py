@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.base import BoxXyxy, Point
-from services.tracker import boxes
-from services.tracker.settings import TrackerSettings
+from services.tracker.blob import boxes
+from services.tracker.blob.settings import BlobSettings
 
 MIN_SIDE_PX = 1.0
 _FIRST_SPEED = 1.0
@@ -21,7 +21,7 @@ _FIRST_SPEED = 1.0
 class BoxFilter:
     """A Kalman filter on one person's box (R. E. Kalman, 1960)."""
 
-    def __init__(self, box: BoxXyxy, settings: TrackerSettings) -> None:
+    def __init__(self, box: BoxXyxy, settings: BlobSettings) -> None:
         """Start at a measured box, at rest, with the velocity of a walker unknown."""
         self._settings = settings
         measured = _measurement(box)
@@ -67,17 +67,6 @@ class BoxFilter:
     def correct(self, box: BoxXyxy) -> None:
         """Take in a measured box, xyxy."""
         self._take_in(_measurement(box), self._noise())
-
-    def correct_centre(self, centre: Point, doubt: float) -> None:
-        """Take in a measured centre, `doubt` times as noisy as usual; the size stays as it is."""
-        self._take_in(np.array(centre), self._noise()[:2] * doubt)
-        self._hold_size()
-
-    def correct_size(self, box: BoxXyxy, doubt: float) -> None:
-        """Let the size give way a little to that of `box`, `doubt` times as noisy as usual."""
-        measured = _measurement(box)
-        self._take_in(np.array([*self._state[:2], *measured[2:]]), self._noise() * doubt)
-        self._hold_size()
 
     def coast(self, dt_s: float) -> None:
         """Nothing was measured: velocity fades, the size stays as it is."""

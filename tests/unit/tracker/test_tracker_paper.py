@@ -1,4 +1,4 @@
-"""The tracker on drawn blobs: births, merges, splits, identities, deaths."""
+"""The paper's tracker on drawn blobs: births, merges, splits, identities, deaths."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import itertools
 import numpy as np
 import pytest
 
-from schemas import Blobs, MessageError, Tracks, decode, encode
+from schemas import Tracks, decode, encode
 from schemas.tracks import MAX_TRACKS
-from services.tracker import boxes
+from services.tracker.blob import boxes
 from services.tracker.core import Tracker
 from services.tracker.settings import TrackerSettings
-from tests.unit.tracker.drawn_blobs import (
+from tests.unit.tracker.drawn_rectangles import (
     BLUE,
     GREEN,
     RED,
@@ -25,17 +25,14 @@ from tests.unit.tracker.drawn_blobs import (
     plain,
 )
 
-PRESETS = ["default", "paper"]
+
+def paper_tracker() -> Tracker:
+    return Tracker(TrackerSettings(preset="paper"))
 
 
-def tracker_of(preset: str) -> Tracker:
-    return Tracker(TrackerSettings.model_validate({"preset": preset}))
-
-
-@pytest.mark.parametrize("preset", PRESETS)
-def test_a_walker_is_confirmed_and_keeps_one_id_and_a_true_velocity(preset: str) -> None:
+def test_a_walker_is_confirmed_and_keeps_one_id_and_a_true_velocity() -> None:
     walker = Walker(RED, 100, 8)
-    tracks = follow(tracker_of(preset), [walker], range(40))
+    tracks = follow(paper_tracker(), [walker], range(40))
     assert tracks[0].tracks[0].state == "new"
     assert not tracks[0].tracks[0].shown
     assert {id_at(found, walker.box(seq)) for seq, found in enumerate(tracks[8:], 8)} == {1}
@@ -43,11 +40,6 @@ def test_a_walker_is_confirmed_and_keeps_one_id_and_a_true_velocity(preset: str)
     assert last.velocity_pxps == pytest.approx((80, 0), abs=5)
     assert (last.span_px, last.area_px) == pytest.approx((40, 4800), rel=0.02)
     assert last.identity_confidence == 1.0
-
-
-def test_what_never_moves_is_not_shown() -> None:
-    tracks = follow(tracker_of("default"), [Walker(RED, 100)], range(40))
-    assert not any(track.shown for found in tracks for track in found.tracks)
 
 
 CROSSING = [Walker(RED, 100, 8), Walker(GREEN, 420, -8)]
@@ -66,11 +58,10 @@ def meet(seq: int) -> list[Walker]:
     return [Walker(RED, 150 + way), Walker(GREEN, 460 - way)]
 
 
-@pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("encounter", ["crossing", "turning back"])
-def test_ids_stay_on_their_people_through_merge_and_split(preset: str, encounter: str) -> None:
+def test_ids_stay_on_their_people_through_merge_and_split(encounter: str) -> None:
     """Position alone fails in one of the two encounters; features have to decide."""
-    tracker = tracker_of(preset)
+    tracker = paper_tracker()
     ids, grouped = {}, False
     for seq in range(41):
         walkers = cross(seq) if encounter == "crossing" else meet(seq)
@@ -83,7 +74,7 @@ def test_ids_stay_on_their_people_through_merge_and_split(preset: str, encounter
 
 
 def test_both_are_occluded_while_they_share_a_blob() -> None:
-    tracks = follow(tracker_of("default"), CROSSING, range(21))
+    tracks = follow(paper_tracker(), CROSSING, range(21))
     together = tracks[20]
     assert [track.state for track in together.tracks] == ["occluded", "occluded"]
     assert together.occlusion
@@ -93,7 +84,7 @@ def test_both_are_occluded_while_they_share_a_blob() -> None:
 
 
 def test_coasts_inside_the_common_blob_without_evidence() -> None:
-    tracker = tracker_of("paper")
+    tracker = paper_tracker()
     for seq in range(21):
         blobs = blobs_of(CROSSING, seq)
         found = tracker.update(blobs)
@@ -103,7 +94,7 @@ def test_coasts_inside_the_common_blob_without_evidence() -> None:
 
 
 def test_identity_confidence_falls_in_a_group_and_is_whole_again_after_a_clear_split() -> None:
-    tracks = follow(tracker_of("default"), CROSSING, range(60))
+    tracks = follow(paper_tracker(), CROSSING, range(60))
     alone, together, after = tracks[12], tracks[20], tracks[59]
     assert all(track.identity_confidence == 1.0 for track in alone.tracks)
     assert all(track.identity_confidence < 1.0 for track in together.tracks)
@@ -112,7 +103,7 @@ def test_identity_confidence_falls_in_a_group_and_is_whole_again_after_a_clear_s
 
 def test_twins_leave_the_identity_in_doubt_after_the_split() -> None:
     twins = [Walker(RED, 100, 8), Walker(RED, 420, -8)]
-    after = follow(tracker_of("default"), twins, range(60))[59]
+    after = follow(paper_tracker(), twins, range(60))[59]
     for track in after.tracks:
         assert track.identity_confidence < 0.75
         assert track.runner_up_confidence > 0.25
@@ -135,7 +126,7 @@ def trio(seq: int, order: tuple[int, ...]) -> list[Walker]:
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 def test_three_people_are_told_apart_at_the_split(order: tuple[int, ...]) -> None:
-    tracker = tracker_of("default")
+    tracker = paper_tracker()
     ids = {}
     for seq in range(56):
         people = trio(seq, order)
@@ -147,7 +138,7 @@ def test_three_people_are_told_apart_at_the_split(order: tuple[int, ...]) -> Non
 
 def test_self_occlusion_starts_no_group_and_costs_no_id() -> None:
     """Somebody spreads the arms: wider than eq. 4 allows, but the blob count is equal."""
-    tracker = tracker_of("paper")
+    tracker = paper_tracker()
     for seq in range(20):
         box = boxes.around((100 + 8.0 * seq, 260), 90 if 10 <= seq < 13 else WIDE, 120)
         tracks = tracker.update(message([plain(box)], seq))
@@ -155,24 +146,8 @@ def test_self_occlusion_starts_no_group_and_costs_no_id() -> None:
     assert [track.id for track in tracks.tracks if track.shown] == [1]
 
 
-def test_a_person_cut_in_two_by_a_pole_stays_one() -> None:
-    tracker = tracker_of("default")
-    for seq in range(30):
-        left, top, right, bottom = Walker(RED, 100, 8).box(seq)
-        whole = [plain((left, top, right, bottom))]
-        cut = [plain((left, top, right, top + 70)), plain((left, top + 80, right, bottom))]
-        tracks = tracker.update(message(cut if 12 <= seq < 16 else whole, seq))
-        if seq >= 8:
-            shown = [track for track in tracks.tracks if track.shown]
-            assert [track.id for track in shown] == [1]
-            assert boxes.iou(shown[0].box_xyxy, (left, top, right, bottom)) > 0.7
-
-
-@pytest.mark.parametrize("preset", PRESETS)
-def test_someone_gone_is_first_hidden_then_forgotten_and_the_id_is_not_used_again(
-    preset: str,
-) -> None:
-    tracker = tracker_of(preset)
+def test_someone_gone_is_first_hidden_then_forgotten_and_the_id_is_not_used_again() -> None:
+    tracker = paper_tracker()
     tracks = follow(tracker, [Walker(RED, 100, 8, present=range(20))], range(60))
     assert tracks[19].tracks[0].shown
     assert tracks[22].tracks[0].state == "lost"
@@ -189,7 +164,7 @@ def test_someone_gone_is_first_hidden_then_forgotten_and_the_id_is_not_used_agai
     ids=str,
 )
 def test_a_new_scene_forgets_everybody_and_uses_no_id_again(change: dict[str, object]) -> None:
-    tracker = tracker_of("default")
+    tracker = paper_tracker()
     follow(tracker, CROSSING, range(10))
     tracks = tracker.update(blobs_of(CROSSING, 0, **change))
     assert [(track.id, track.state) for track in tracks.tracks] == [(3, "new"), (4, "new")]
@@ -204,8 +179,8 @@ def many_walkers() -> list[Walker]:
     ]
 
 
-def payloads(preset: str, reverse: bool = False) -> list[bytes]:
-    tracker = tracker_of(preset)
+def payloads(reverse: bool = False) -> list[bytes]:
+    tracker = paper_tracker()
     packed = []
     for seq in range(50):
         blobs = blobs_of(many_walkers(), seq)
@@ -214,19 +189,16 @@ def payloads(preset: str, reverse: bool = False) -> list[bytes]:
     return packed
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-def test_same_blobs_give_the_same_bytes(preset: str) -> None:
-    assert payloads(preset) == payloads(preset)
+def test_same_blobs_give_the_same_bytes() -> None:
+    assert payloads() == payloads()
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-def test_the_order_of_blobs_does_not_matter(preset: str) -> None:
-    assert payloads(preset) == payloads(preset, reverse=True)
+def test_the_order_of_blobs_does_not_matter() -> None:
+    assert payloads() == payloads(reverse=True)
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-def test_random_blobs_give_valid_messages_with_unique_and_growing_ids(preset: str) -> None:
-    tracker = tracker_of(preset)
+def test_random_blobs_give_valid_messages_with_unique_and_growing_ids() -> None:
+    tracker = paper_tracker()
     random = np.random.default_rng(3)
     newest = 0
     for seq in range(60):
@@ -244,7 +216,7 @@ def test_random_blobs_give_valid_messages_with_unique_and_growing_ids(preset: st
 
 
 def test_more_blobs_than_tracks_allowed_stay_within_the_cap() -> None:
-    tracker = tracker_of("default")
+    tracker = paper_tracker()
     for seq in range(4):
         found = [
             plain((x, y, x + 8.0, y + 16.0))
@@ -257,7 +229,7 @@ def test_more_blobs_than_tracks_allowed_stay_within_the_cap() -> None:
 
 
 def test_frames_without_blobs_give_messages_without_tracks() -> None:
-    tracker = tracker_of("default")
+    tracker = paper_tracker()
     for seq in range(3):
         blobs = message([], seq)
         tracks = tracker.update(blobs)
@@ -268,7 +240,7 @@ def test_frames_without_blobs_give_messages_without_tracks() -> None:
 @pytest.mark.parametrize("size", [(1, 1), (7680, 4320)], ids=str)
 def test_any_frame_size_is_tracked(size: tuple[int, int]) -> None:
     width, height = size
-    tracker = tracker_of("default")
+    tracker = paper_tracker()
     whole = plain((0.0, 0.0, float(width), float(height)))
     for seq in range(5):
         tracks = tracker.update(message([whole], seq, width=width, height=height))
@@ -279,19 +251,8 @@ def test_any_frame_size_is_tracked(size: tuple[int, int]) -> None:
     "times_ns", [[5, 5, 5], [9 * 10**9, 3, 2 * 10**9], [0, 10**18, 10**18 + 1]], ids=str
 )
 def test_broken_clocks_give_valid_tracks(times_ns: list[int]) -> None:
-    tracker = tracker_of("default")
+    tracker = paper_tracker()
     for seq, time_ns in enumerate(times_ns):
         tracks = tracker.update(blobs_of(CROSSING, seq, t_capture_ns=time_ns))
         assert decode(Tracks, encode(tracks)) == tracks
         assert tracks.tracks
-
-
-def test_unreadable_evidence_is_refused_and_changes_nothing() -> None:
-    tracker, untouched = tracker_of("default"), tracker_of("default")
-    good = [blobs_of(CROSSING, seq) for seq in range(2)]
-    assert good[0].evidence is not None
-    broken_evidence = good[0].evidence.model_copy(update={"data": b"no zlib"})
-    broken: Blobs = good[0].model_copy(update={"evidence": broken_evidence})
-    with pytest.raises(MessageError, match="zlib"):
-        tracker.update(broken)
-    assert [tracker.update(blobs) for blobs in good] == [untouched.update(b) for b in good]

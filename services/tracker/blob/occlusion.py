@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from schemas.base import BoxXyxy
-from services.tracker import boxes
+from services.tracker.blob import boxes
 
 Occlusion = Literal["none", "self", "inter_object"]
 

@@ -1,28 +1,20 @@
-"""People to the `Tracks` message."""
+"""People to the tracks of a message."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from schemas import Blobs, FrameId, Track, Tracks
+from schemas import Track
 from schemas.tracks import TrackState
-from services.tracker import boxes
-from services.tracker.clusters import Cluster
-from services.tracker.lifecycle import Person
+from services.tracker.blob import boxes
+from services.tracker.blob.clusters import Cluster
+from services.tracker.blob.lifecycle import Person
 
 
-def tracks_message(blobs: Blobs, clusters: Sequence[Cluster]) -> Tracks:
-    """Everybody who is known, by id; `occlusion` while any people share a blob."""
+def tracks_of(clusters: Sequence[Cluster]) -> list[Track]:
+    """Everybody who is known, by id."""
     tracks = [_track(person, cluster) for cluster in clusters for person in cluster.people]
-    return Tracks(
-        **blobs.model_dump(include=set(FrameId.model_fields)),
-        width=blobs.width,
-        height=blobs.height,
-        source_width=blobs.source_width,
-        source_height=blobs.source_height,
-        tracks=tuple(sorted(tracks, key=lambda track: track.id)),
-        occlusion=any(cluster.is_group for cluster in clusters),
-    )
+    return sorted(tracks, key=lambda track: track.id)
 
 
 def _track(person: Person, cluster: Cluster) -> Track:

@@ -9,20 +9,15 @@ import pytest
 from numpy.typing import NDArray
 
 from schemas.base import BoxXyxy
-from services.tracker import boxes
-from services.tracker.assignment import assign
-from services.tracker.features import (
-    PAPER_FAMILIES,
-    PaperAndColourFeatures,
-    PaperFeatures,
-)
-from services.tracker.identity import cost_matrix, retain
-from services.tracker.kalman import BoxFilter
-from services.tracker.occlusion import aspect_ratio, classify, is_occlusion
-from services.tracker.settings import TrackerSettings
+from services.tracker.blob import boxes
+from services.tracker.blob.assignment import assign
+from services.tracker.blob.features import FAMILIES, extract
+from services.tracker.blob.identity import cost_matrix, retain
+from services.tracker.blob.kalman import BoxFilter
+from services.tracker.blob.occlusion import aspect_ratio, classify, is_occlusion
+from services.tracker.blob.settings import BlobSettings
 
-SETTINGS = TrackerSettings()
-PAPER = TrackerSettings(preset="paper")
+SETTINGS = BlobSettings()
 PERSON: BoxXyxy = (100.0, 100.0, 140.0, 220.0)
 COUPLE: BoxXyxy = (100.0, 100.0, 180.0, 220.0)
 
@@ -65,21 +60,16 @@ def test_filter_survives_boxes_without_size() -> None:
 def test_assignment_takes_the_greatest_total_and_not_the_greedy_best() -> None:
     predicted = [(0.0, 0.0, 10.0, 20.0), (4.0, 0.0, 14.0, 20.0)]
     seen = [(3.0, 0.0, 13.0, 20.0), (9.0, 0.0, 19.0, 20.0)]
-    assert assign(predicted, seen, PAPER) == {0: 0, 1: 1}
+    assert assign(predicted, seen) == {0: 0, 1: 1}
 
 
-@pytest.mark.parametrize(
-    ("settings", "expected"), [(PAPER, {}), (SETTINGS, {0: 0})], ids=["paper", "default"]
-)
-def test_only_nearness_matches_boxes_that_do_not_overlap(
-    settings: TrackerSettings, expected: dict[int, int]
-) -> None:
-    assert assign([PERSON], [boxes.moved(PERSON, 42, 0)], settings) == expected
+def test_boxes_that_do_not_overlap_are_never_paired() -> None:
+    assert assign([PERSON], [boxes.moved(PERSON, 42, 0)]) == {}
 
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_assignment_of_nothing_is_empty(count: int) -> None:
-    assert assign([PERSON] * count, [PERSON] * (1 - count), SETTINGS) == {}
+    assert assign([PERSON] * count, [PERSON] * (1 - count)) == {}
 
 
 @pytest.mark.parametrize(
@@ -122,17 +112,16 @@ def texture(seed: int, contrast: int = 60) -> NDArray[np.uint8]:
 
 
 def test_paper_features_are_its_seven_families() -> None:
-    features = PaperFeatures().extract(texture(1), None)
-    assert tuple(features) == PAPER_FAMILIES
-    assert len(PAPER_FAMILIES) == 7
+    features = extract(texture(1))
+    assert tuple(features) == FAMILIES
+    assert len(FAMILIES) == 7
     assert all(np.isfinite(vector).all() for vector in features.values())
 
 
-@pytest.mark.parametrize("family", PAPER_FAMILIES)
+@pytest.mark.parametrize("family", FAMILIES)
 def test_every_family_is_zero_on_a_flat_patch_and_grows_with_texture(family: str) -> None:
-    extractor = PaperFeatures()
     flat, soft, hard = (
-        extractor.extract(patch, None)[family]
+        extract(patch)[family]
         for patch in (np.full((60, 30, 3), 100, np.uint8), texture(1, 20), texture(1, 120))
     )
     assert np.abs(flat).max() < 1e-3
@@ -141,36 +130,19 @@ def test_every_family_is_zero_on_a_flat_patch_and_grows_with_texture(family: str
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 200), (700, 2), (90, 45)], ids=str)
 def test_features_have_one_length_whatever_the_patch(shape: tuple[int, int]) -> None:
-    extractor = PaperAndColourFeatures(7.0)
-    expected = {name: len(v) for name, v in extractor.extract(texture(1), None).items()}
-    features = extractor.extract(np.full((*shape, 3), 50, np.uint8), np.ones(shape, np.bool_))
+    expected = {name: len(vector) for name, vector in extract(texture(1)).items()}
+    features = extract(np.full((*shape, 3), 50, np.uint8))
     assert {name: len(vector) for name, vector in features.items()} == expected
-    assert set(extractor.weights) == set(expected)
-
-
-def test_colour_is_that_of_the_masked_pixels() -> None:
-    patch = np.zeros((40, 20, 3), np.uint8)
-    patch[:, :10] = (0, 0, 255)
-    patch[:, 10:] = (255, 0, 0)
-    red_half = np.zeros((40, 20), np.bool_)
-    red_half[:, :10] = True
-    extractor = PaperAndColourFeatures(1.0)
-    red = extractor.extract(np.full((40, 20, 3), (0, 0, 255), np.uint8), None)["colour"]
-    np.testing.assert_allclose(extractor.extract(patch, red_half)["colour"], red)
 
 
 @pytest.mark.parametrize("people", [2, 3, 5])
-@pytest.mark.parametrize("paper_only", [True, False])
-def test_retention_finds_any_permutation_of_different_people(people: int, paper_only: bool) -> None:
-    extractor = PaperFeatures() if paper_only else PaperAndColourFeatures(7.0)
-    references = [extractor.extract(texture(seed), None) for seed in range(people)]
+def test_retention_finds_any_permutation_of_different_people(people: int) -> None:
+    references = [extract(texture(seed)) for seed in range(people)]
     orders = list(itertools.permutations(range(people)))
     for order in orders[:: max(1, len(orders) // 6)]:
         noise = np.random.default_rng(9).integers(0, 8, (96, 48, 3))
-        currents = [
-            extractor.extract((texture(seed) + noise).astype(np.uint8), None) for seed in order
-        ]
-        decision = retain(cost_matrix(references, currents, extractor.weights), 20.0)
+        currents = [extract((texture(seed) + noise).astype(np.uint8)) for seed in order]
+        decision = retain(cost_matrix(references, currents), 20.0)
         assert decision.slots == tuple(order.index(person) for person in range(people))
         assert min(decision.confidence) > 0.8
 
@@ -186,9 +158,3 @@ def test_retention_compares_s1_with_s2() -> None:
 def test_equal_costs_leave_an_even_chance_between_two_ways(people: int) -> None:
     decision = retain(np.ones((people, people)), 20.0)
     assert decision.confidence == pytest.approx([0.5] * people)
-
-
-def test_wrong_settings_are_refused() -> None:
-    with pytest.raises(ValueError, match="forgetfulness"):
-        TrackerSettings.model_validate({"forgetfulness": 1})
-    assert TrackerSettings.model_validate({"preset": "paper", "min_score": None}).min_score == 0

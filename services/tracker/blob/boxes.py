@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 from schemas.base import BoxXyxy, Point
@@ -60,11 +59,6 @@ def iou(a: BoxXyxy, b: BoxXyxy) -> float:
 def cover(inner: BoxXyxy, outer: BoxXyxy) -> float:
     """Share of `inner` that lies in `outer`, 0 to 1."""
     return intersection(inner, outer) / area(inner) if area(inner) > 0 else 0.0
-
-
-def distance(a: BoxXyxy, b: BoxXyxy) -> float:
-    """Between the centres, pixels."""
-    return math.dist(centre(a), centre(b))
 
 
 def kept_inside(box: BoxXyxy, outer: BoxXyxy) -> BoxXyxy:

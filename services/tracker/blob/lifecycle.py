@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 
-from schemas.base import BoxXyxy, Point
-from services.tracker import boxes
-from services.tracker.features import Features
-from services.tracker.kalman import BoxFilter
-from services.tracker.settings import TrackerSettings
+from schemas.base import BoxXyxy
+from services.tracker.blob import boxes
+from services.tracker.blob.features import Features
+from services.tracker.blob.kalman import BoxFilter
+from services.tracker.blob.settings import BlobSettings
 
 
 class Person:
     """What is known of one person."""
 
-    def __init__(self, person_id: int, box: BoxXyxy, settings: TrackerSettings) -> None:
+    def __init__(self, person_id: int, box: BoxXyxy, settings: BlobSettings) -> None:
         """Born where an unexplained blob was seen."""
         self.id = person_id
         self.filter = BoxFilter(box, settings)
@@ -22,13 +22,11 @@ class Person:
         self.hits = 1
         self.missed_frames = 0
         self.missed_s = 0.0
-        self.hidden_s = 0.0
         self.reference: Features | None = None
         self.identity_confidence = 1.0
         self.runner_up_confidence = 0.0
         self._settings = settings
         self._settled_confidence = 1.0
-        self._birthplace: Point = boxes.centre(box)
 
     @property
     def box(self) -> BoxXyxy:
@@ -40,27 +38,24 @@ class Person:
         outside = boxes.cover(self.box, frame_box) < 0.1
         if not self.confirmed:
             return self.missed_frames > 1 or (self.missed_frames > 0 and outside)
-        gone_s = max(self.missed_s, self.hidden_s)
-        return gone_s > self._settings.forget_s or (self.missed_frames > 0 and outside)
+        return self.missed_s > self._settings.forget_s or (self.missed_frames > 0 and outside)
 
     @property
     def is_shown(self) -> bool:
         """Whether a user would be shown this person's box."""
-        gone_s = max(self.missed_s, self.hidden_s)
-        return self.confirmed and gone_s <= self._settings.show_missed_s
+        return self.confirmed and self.missed_s <= self._settings.show_missed_s
 
     def seen_alone(self, dt_s: float) -> None:
         """Seen in this frame with a blob of one's own."""
         self.hits += 1
-        self.missed_frames, self.missed_s, self.hidden_s = 0, 0.0, 0.0
+        self.missed_frames, self.missed_s = 0, 0.0
         regained = 1.0 - math.exp(-dt_s / self._settings.trust_s)
         self.identity_confidence += regained * (self._settled_confidence - self.identity_confidence)
-        self._confirm_if_due()
+        self.confirmed |= self.hits >= self._settings.confirm_hits
 
-    def seen_in_group(self, visible: bool, dt_s: float) -> None:
+    def seen_in_group(self, dt_s: float) -> None:
         """Seen in this frame as part of a blob of several people."""
         self.missed_frames, self.missed_s = 0, 0.0
-        self.hidden_s = 0.0 if visible else self.hidden_s + dt_s
         self._doubt(dt_s)
 
     def missed(self, dt_s: float) -> None:
@@ -78,7 +73,7 @@ class Person:
 
     def remember(self, features: Features, dt_s: float) -> None:
         """Blend what the person looks like now into the reference features."""
-        if self.reference is None or self._settings.reference_memory_s == 0:
+        if self.reference is None:
             self.reference = features
             return
         share = 1.0 - math.exp(-dt_s / self._settings.reference_memory_s)
@@ -89,8 +84,3 @@ class Person:
 
     def _doubt(self, dt_s: float) -> None:
         self.identity_confidence *= math.exp(-dt_s / self._settings.doubt_s)
-
-    def _confirm_if_due(self) -> None:
-        travel = math.dist(boxes.centre(self.box), self._birthplace)
-        far = travel >= self._settings.min_travel * boxes.height(self.box)
-        self.confirmed |= self.hits >= self._settings.confirm_hits and far

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from schemas.base import BoxXyxy
-from services.tracker import boxes
-from services.tracker.lifecycle import Person
-from services.tracker.occlusion import classify
-from services.tracker.settings import TrackerSettings
-from services.tracker.view import Sighting
+from services.tracker.blob import boxes
+from services.tracker.blob.lifecycle import Person
+from services.tracker.blob.settings import BlobSettings
+from services.tracker.blob.sighting import Sighting
 
 PART_COVER = 0.5
-FRAGMENT_COVER = 0.7
 _REACH = 0.25
 
 
@@ -60,7 +58,7 @@ def parts_of(
     cluster: Cluster,
     matched: Sighting | None,
     free: Sequence[Sighting],
-    settings: TrackerSettings,
+    settings: BlobSettings,
 ) -> list[Sighting]:
     """The blobs a group has fallen into: its matched one and free ones within its reach.
 
@@ -90,7 +88,7 @@ def slots_of(parts: Sequence[Sighting], people: int) -> list[int]:
 
 
 def hiding_blob(
-    cluster: Cluster, sightings: Sequence[Sighting], settings: TrackerSettings
+    cluster: Cluster, sightings: Sequence[Sighting], settings: BlobSettings
 ) -> Sighting | None:
     """The blob that covers most of an unmatched cluster's people, if enough of them."""
     if not sightings:
@@ -98,28 +96,3 @@ def hiding_blob(
     covers = [boxes.cover(cluster.box, sighting.box) for sighting in sightings]
     best = int(np.argmax(covers))
     return sightings[best] if covers[best] >= settings.min_cover else None
-
-
-def may_merge(
-    hidden: Sequence[BoxXyxy],
-    blob: BoxXyxy,
-    counts: tuple[int, int],
-    settings: TrackerSettings,
-) -> bool:
-    """Whether the people last seen at `hidden` are all under `blob` now.
-
-    Args:
-        hidden: their boxes in the frame before.
-        blob: this frame's blob.
-        counts: blobs in the frame before and in this one.
-        settings: which test.
-    """
-    if settings.occlusion_test == "printed":
-        return classify(*counts, hidden, blob, settings.aspect_ratio) == "inter_object"
-    # Other people come and go in the same frame, so the count of the whole frame says little.
-    return all(boxes.area(blob) > boxes.area(box) for box in hidden)
-
-
-def fragments_of(box: BoxXyxy, free: Sequence[Sighting]) -> list[Sighting]:
-    """Free blobs that lie within a person's predicted box: pieces cut off by a pole."""
-    return [sighting for sighting in free if boxes.cover(sighting.box, box) >= FRAGMENT_COVER]

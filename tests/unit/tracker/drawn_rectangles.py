@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from schemas import Blob, Blobs, Evidence, Patch, Tracks
 from schemas.base import BoxXyxy
 from schemas.blobs import FOREGROUND
-from services.tracker import boxes
+from services.tracker.blob import boxes
 from services.tracker.core import Tracker
 
 WIDTH, HEIGHT, FPS = 640, 480, 10

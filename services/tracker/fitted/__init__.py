@@ -1,0 +1,1 @@
+"""The default tracker: person-shaped templates fitted jointly to the evidence map."""

@@ -1,0 +1,91 @@
+"""When a person counts, when two are the same, and when somebody is gone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from schemas.blobs import FOREGROUND, MOVING
+from services.tracker.fitted.arrays import Box, Image, overlap
+from services.tracker.fitted.canvas import Canvas, Fit
+from services.tracker.fitted.person import Person
+from services.tracker.settings import TrackerSettings
+
+CONFIRM_HITS = 3
+_CONFIRM_MOVED = 0.2
+"""Way from the place of birth, heights."""
+_CONFIRM_MOVING_HITS, _MOVING_SHARE, _MOVING_GAIN = 3, 0.2, 0.3
+_SAME_AFTER_S = 0.4
+_SAME_IOU, _SAME_CONTAINED, _NEVER_CLEAN = 0.5, 0.7, 0.7
+_LEAST_INSIDE = 0.2
+CLUTTER_HEIGHT = 0.85
+"""People lower than this share of the lowest that is shown are not looked for."""
+
+
+def confirm_if_due(person: Person, evidence: Image, ratio: float) -> None:
+    """A person counts once seen several times and moving: ghosts and lamps never move."""
+    moves = moving_share(evidence, person.box(ratio)) > _MOVING_SHARE
+    person.moving_hits += person.gain > _MOVING_GAIN and moves
+    if not person.confirmed and person.hits >= CONFIRM_HITS:
+        moved = person.moved() > _CONFIRM_MOVED
+        person.confirmed = moved or person.moving_hits >= _CONFIRM_MOVING_HITS
+
+
+def moving_share(evidence: Image, box: Box) -> float:
+    """Share of the foreground in a box that moves."""
+    left, top, right, bottom = (max(0, round(value)) for value in box)
+    part = evidence[top:bottom, left:right]
+    moving = np.count_nonzero(part == MOVING)
+    return float(moving) / max(float(np.count_nonzero(part >= FOREGROUND)), 1.0)
+
+
+def without_duplicates(
+    people: Sequence[Person], ratio: float, dt_s: float, duplicate_gain: float
+) -> list[Person]:
+    """Leave out those who for a while explained nothing that an older one on the spot does not."""
+    gone: set[int] = set()
+    for person in people:
+        explains = person.gain >= duplicate_gain
+        person.duplicate_s = 0.0 if explains else person.duplicate_s + dt_s
+        if person.duplicate_s < _SAME_AFTER_S:
+            continue
+        older = (other for other in people if other.id not in gone and other.hits > person.hits)
+        if any(_same(person, other, ratio) for other in older):
+            gone.add(person.id)
+    return [person for person in people if person.id not in gone]
+
+
+def _same(person: Person, other: Person, ratio: float) -> bool:
+    common, contained = overlap(person.box(ratio), other.box(ratio))
+    hidden = contained > _SAME_CONTAINED and person.best_gain < _NEVER_CLEAN
+    return common > _SAME_IOU or hidden
+
+
+def is_alive(person: Person, canvas: Canvas, ratio: float, settings: TrackerSettings) -> bool:
+    """Not forgotten, in the image, and not too small to be told from clutter."""
+    _, top, _, bottom = person.box(ratio)
+    inside = 0 <= person.foot[0] < canvas.columns and top < canvas.rows and bottom > 0
+    large = person.height > CLUTTER_HEIGHT * settings.min_height * canvas.rows
+    here = inside and person.inside > _LEAST_INSIDE and large
+    return here and not is_forgotten(person, settings)
+
+
+def is_forgotten(person: Person, settings: TrackerSettings) -> bool:
+    """Missed for too long."""
+    if person.confirmed:
+        return person.missed_s > settings.forget_s
+    return person.missed_frames >= 2
+
+
+def missed_near(people: Sequence[Person], fit: Fit, height: float) -> Person | None:
+    """The nearest confirmed person who has just been missed and can have come to `fit`."""
+    missed = [
+        person
+        for person in people
+        if person.confirmed
+        and person.missed_frames > 1
+        and person.distance(fit.foot) < 0.3 + 0.4 * person.missed_s
+        and abs(np.log(height / person.height)) < 0.3
+    ]
+    return min(missed, key=lambda person: (person.distance(fit.foot), person.id), default=None)

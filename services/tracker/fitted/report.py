@@ -1,0 +1,109 @@
+"""People to the tracks of a message."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from schemas import Blobs, Track
+from schemas.base import BoxXyxy
+from schemas.tracks import TrackState
+from services.tracker.fitted.arrays import overlap
+from services.tracker.fitted.person import Person
+from services.tracker.fitted.scale import SceneScale
+from services.tracker.settings import TrackerSettings
+
+_SIDE, _BELOW = 0.03, 0.02
+"""Margin of the box around the silhouette: arms and feet reach out."""
+OCCLUDED_BELOW = 0.5
+_UNDECIDED = 0.7
+"""Factor on the confidence of somebody whose contact with others is not decided yet."""
+_DOUBT_S = 4.0
+"""Confidence falls to 1/e in this time unseen."""
+
+
+class Reporter:
+    """Says in frame pixels what is known in working pixels."""
+
+    def __init__(
+        self, blobs: Blobs, shape: tuple[int, ...], scale: SceneScale, settings: TrackerSettings
+    ) -> None:
+        self._scale_x, self._scale_y = blobs.width / shape[1], blobs.height / shape[0]
+        self._scale = scale
+        self._settings = settings
+
+    def tracks(self, people: Sequence[Person]) -> list[Track]:
+        """Everybody, by id."""
+        return [
+            self._track(person, people) for person in sorted(people, key=lambda person: person.id)
+        ]
+
+    def _track(self, person: Person, people: Sequence[Person]) -> Track:
+        box = self._box(person)
+        confidence = _confidence(person)
+        vx, vy = person.filter.velocity
+        rise = vy * (1.0 - 0.5 * self._scale.line.slope)
+        return Track(
+            id=person.id,
+            state=_state(person),
+            box_xyxy=box,
+            velocity_pxps=(vx * self._scale_x, rise * self._scale_y),
+            area_px=(box[2] - box[0]) * (box[3] - box[1]),
+            span_px=box[2] - box[0],
+            identity_confidence=confidence,
+            runner_up_confidence=min(person.runner_up_confidence, 1.0 - confidence),
+            occluded_by=self._in_front(person, people),
+            missed_frames=person.missed_frames,
+            shown=self._is_shown(person),
+        )
+
+    def _box(self, person: Person) -> BoxXyxy:
+        left, top, right, bottom = person.box(self._scale.ratio)
+        side, below = _SIDE * (right - left), _BELOW * (bottom - top)
+        return (
+            (left - side) * self._scale_x,
+            top * self._scale_y,
+            (right + side) * self._scale_x,
+            (bottom + below) * self._scale_y,
+        )
+
+    def _is_shown(self, person: Person) -> bool:
+        """Hidden people are shown longer than people who are simply not where they should be.
+
+        Far people must be large enough and have their heads in view; near ones may be cut.
+        """
+        hidden = person.in_view < OCCLUDED_BELOW
+        patience_s = self._settings.show_missed_s * (1.0 if hidden else 0.5)
+        rows = self._scale.rows
+        head = person.foot[1] - person.height
+        whole = head > -0.05 * person.height or person.height > 0.5 * rows
+        large = person.height > self._settings.min_height * rows
+        return person.confirmed and person.missed_s <= patience_s and whole and large
+
+    def _in_front(self, person: Person, people: Sequence[Person]) -> tuple[int, ...]:
+        """The nearer person who covers most of one who is hardly in view."""
+        if person.in_view >= OCCLUDED_BELOW:
+            return ()
+        ratio = self._scale.ratio
+        box = person.box(ratio)
+        covers = [
+            (overlap(box, other.box(ratio))[1], -other.id)
+            for other in people
+            if other is not person and (other.foot[1], -other.id) > (person.foot[1], -person.id)
+        ]
+        most = max(covers, default=(0.0, 0))
+        return (-most[1],) if most[0] > 0.0 else ()
+
+
+def _confidence(person: Person) -> float:
+    """Not calibrated: 1 for somebody seen ever since and never in contact with others."""
+    undecided = _UNDECIDED if person.rivals else 1.0
+    return person.identity_confidence * undecided * math.exp(-person.missed_s / _DOUBT_S)
+
+
+def _state(person: Person) -> TrackState:
+    if not person.confirmed:
+        return "new"
+    if person.in_view < OCCLUDED_BELOW:
+        return "occluded"
+    return "lost" if person.missed_frames else "tracked"

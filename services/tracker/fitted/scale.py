@@ -1,0 +1,219 @@
+"""How high a person is at each foot row of the image, learned while running.
+
+For a level ground plane and a camera without roll the height in pixels is close to linear in the
+foot row: h(y) = a (y - horizon); D. Hoiem, A. Efros & M. Hebert, "Putting objects in perspective",
+2008, give the exact form. Candidate lines come from clean blobs and tracked people; the one whose
+people explain most of the evidence is taken, and it is used only once it explains enough.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.tracker.fitted.arrays import FloatMap, Floats
+from services.tracker.fitted.coverage import explained_share, reduce, reduction
+
+WIDTH_RATIO = 0.37
+"""Width by height of a walking person's box, on average."""
+_TOLERANCE = 0.12
+_FLATTEST, _STEEPEST = 0.05, 2.5
+_SAMPLES = 150
+_CANDIDATES = 6
+_HORIZONS = (-0.45, -0.15, 0.1, 0.3, 0.5)
+"""Tried when two samples stand too near each other to give a slope; image heights."""
+_APART = 0.1
+_HELD, _HELD_SHARE = 0.5, 0.005
+_ENOUGH = 0.35
+"""Share of the evidence that a line has to explain before it is used."""
+_STEEPEST_USED = 0.6
+"""The slope is a person's height by the camera's: the lower the camera, the less a foot row says
+of the height. TUD-Campus has 1.4 and is better off without, the high cameras have 0.2 to 0.4."""
+_BLOB_VOTES, _PERSON_VOTES, _PEOPLE = 300, 40, 200
+_SETTLED_PEOPLE, _SETTLED_VOTES = 5, 80
+_FIRST_FRAMES = (2, 3, 4, 5, 7, 9, 12, 16)
+_EVERY, _EVERY_SETTLED = 10, 25
+
+
+@dataclass(frozen=True)
+class Line:
+    """h(y) = slope * y + offset, working pixels."""
+
+    slope: float
+    offset: float
+    ratio: float = WIDTH_RATIO
+
+    def height(self, foot_row: float) -> float:
+        """Expected height at a foot row; never below 4."""
+        return max(self.slope * foot_row + self.offset, 4.0)
+
+
+class SceneScale:
+    """Height line and whether it may be used.
+
+    Attributes:
+        line: the best so far.
+        known: it may be used.
+        refused: it was tried and may not; neither while none has been tried.
+        typical: height of a person, working pixels.
+    """
+
+    def __init__(self, image_height: int, smallest: float, seed: int = 0) -> None:
+        """Start without a line.
+
+        Args:
+            image_height: rows of the working image.
+            smallest: lowest person considered, working pixels.
+            seed: of the sampling, so that equal input gives equal output.
+        """
+        self.rows = image_height
+        self.ratio = WIDTH_RATIO
+        self.line = self._anchor = Line(0.0, 0.0)
+        self.known = False
+        self.refused = False
+        self.typical = 0.15 * image_height
+        self._smallest = smallest
+        self._random = np.random.default_rng(seed)
+        self._blobs: deque[tuple[float, float]] = deque(maxlen=_BLOB_VOTES)
+        self._people: dict[int, deque[tuple[float, float]]] = {}
+        self._frame = 0
+
+    @property
+    def settled(self) -> bool:
+        """True once the line comes from tracked people instead of blobs."""
+        votes = sum(map(len, self._people.values()))
+        return len(self._people) >= _SETTLED_PEOPLE and votes >= _SETTLED_VOTES
+
+    def height(self, foot_row: float) -> float:
+        """Expected height at a foot row, working pixels; never below 4."""
+        return self.line.height(foot_row)
+
+    def spread(self) -> float:
+        """Standard deviation of ln(height) around the line."""
+        return float(np.hypot(0.06, 0.035 * self.line.slope))
+
+    def add_blob(self, foot_row: float, height: float) -> None:
+        """A clean person-shaped blob."""
+        self._blobs.append((foot_row, height))
+
+    def add_person(self, person: int, foot_row: float, height: float) -> None:
+        """A tracked person whose height was measured in the open."""
+        votes = self._people.setdefault(person, deque(maxlen=_PERSON_VOTES))
+        votes.append((foot_row, height))
+        if len(self._people) > _PEOPLE:
+            self._people.pop(next(iter(self._people)))
+
+    def update(self, evidence: FloatMap) -> None:
+        """Call once a frame with the evidence in [0, 1]: refits when it is time."""
+        self._frame += 1
+        if not self._is_due():
+            return
+        votes = [vote for votes in self._people.values() for vote in votes]
+        data = np.array(votes if self.settled else [*self._blobs, *votes])
+        if len(data) == 0:
+            return
+        candidates = self._candidates(data[:, 0], data[:, 1])
+        if candidates:
+            self._choose(candidates, evidence, float(np.median(data[:, 1])))
+
+    def _is_due(self) -> bool:
+        if self.settled:
+            return self._frame % _EVERY_SETTLED == 0
+        return self._frame in _FIRST_FRAMES or self._frame % _EVERY == 0
+
+    def _choose(self, candidates: list[Line], evidence: FloatMap, typical: float) -> None:
+        step = reduction(typical)
+        reduced = reduce(evidence, 1.0 - evidence, step)
+        if float(reduced[..., 0].sum()) * step * step < 0.1 * self._smallest**2:
+            return
+        scores = [explained_share(reduced, step, line, self._smallest) for line in candidates]
+        if self.known:  # in doubt the present line stays
+            scores[0] = 1.1 * scores[0] + 0.02
+        best = int(np.argmax(scores))
+        self.line = candidates[best]
+        if best > 0 or not self.known:
+            self._anchor = self.line
+        self.typical = typical
+        # A line once good stays, a better one of a low camera does not.
+        enough = self.known or scores[best] > _ENOUGH
+        self.known = enough and self.line.slope < _STEEPEST_USED
+        self.refused = not self.known
+
+    def _candidates(self, foot: Floats, height: Floats) -> list[Line]:
+        """The present line, then those most samples agree with (MSAC, Torr & Zisserman 2000)."""
+        lines = self._drawn(foot, height)
+        chosen = [self._polished(foot, height)] if self.known else []
+        if not lines:
+            return chosen
+        table = np.array(lines)
+        predicted = np.maximum(table[:, :1] * foot + table[:, 1:], 0.03 * self.rows)
+        error2 = np.minimum((height / predicted - 1.0) ** 2, _TOLERANCE**2)
+        rows = np.percentile(foot, [5, 95]) + np.array([-0.1, 0.1]) * self.rows
+        for best in np.argsort(error2.sum(axis=1), kind="stable"):
+            inliers = error2[best] < _TOLERANCE**2
+            drawn = Line(float(table[best, 0]), float(table[best, 1]))
+            line = self._refine(drawn, foot[inliers], height[inliers])
+            if all(_differ(line, other, rows) for other in chosen):
+                chosen.append(line)
+            if len(chosen) >= _CANDIDATES:
+                break
+        return chosen
+
+    def _drawn(self, foot: Floats, height: Floats) -> list[tuple[float, float]]:
+        """Slope and offset of lines through two samples each, or one sample and a horizon."""
+        lines: list[tuple[float, float]] = []
+        for i, j in self._random.integers(0, len(foot), (_SAMPLES, 2)):
+            if abs(foot[i] - foot[j]) < _APART * self.rows:
+                horizon = _HORIZONS[self._random.integers(len(_HORIZONS))] * self.rows
+                slope = height[i] / max(foot[i] - horizon, 1.0)
+            else:
+                slope = (height[i] - height[j]) / (foot[i] - foot[j])
+            if _FLATTEST <= slope < _STEEPEST:
+                lines.append((slope, height[i] - slope * foot[i]))
+        return lines
+
+    def _polished(self, foot: Floats, height: Floats) -> Line:
+        """The present line refitted to the samples that agree with it."""
+        present = np.array([self.line.height(row) for row in foot])
+        inliers = np.abs(height / present - 1.0) < 1.5 * _TOLERANCE
+        if inliers.sum() < max(6.0, 0.3 * len(foot)):
+            return self.line
+        return self._refine(self._anchor, foot[inliers], height[inliers])
+
+    def _refine(self, line: Line, foot: Floats, height: Floats) -> Line:
+        """Least absolute relative deviation, by reweighted least squares.
+
+        Two points of the line given hold it weakly where there are no samples.
+        """
+        if len(foot) < 4:
+            return line
+        row = float(np.median(foot))
+        ends = row + np.array([-0.25, 0.25]) * self.rows
+        held = np.array([max(line.height(end), 0.2 * line.height(row)) for end in ends])
+        foot, height = np.concatenate([foot, ends]), np.concatenate([height, held])
+        base: Floats = np.ones_like(foot)
+        base[-2:] = np.sqrt(_HELD + _HELD_SHARE * len(foot))
+        weight = base
+        slope, offset = 0.0, 0.0
+        for _ in range(6):
+            slope, offset = _least_squares(foot / height, 1.0 / height, weight * weight)
+            deviation = np.abs((slope * foot + offset) / height - 1.0)
+            weight = base / np.sqrt(np.maximum(deviation, 0.01))
+            weight[-2:] = base[-2:] / np.sqrt(0.05)
+        return Line(slope, offset) if 0.0 <= slope < _STEEPEST else line
+
+
+def _least_squares(u: Floats, v: Floats, weight: Floats) -> tuple[float, float]:
+    """a and b that bring a u + b v nearest to 1."""
+    wu, wv = weight * u, weight * v
+    uu, uv, vv = float(wu @ u), float(wu @ v), float(wv @ v)
+    su, sv = float(wu.sum()), float(wv.sum())
+    determinant = max(uu * vv - uv * uv, 1e-30)
+    return (su * vv - sv * uv) / determinant, (sv * uu - su * uv) / determinant
+
+
+def _differ(a: Line, b: Line, rows: Floats) -> bool:
+    """Whether two lines differ by more than 5 % somewhere in the rows seen."""
+    return any(abs(np.log(a.height(row) / b.height(row))) > 0.05 for row in rows)

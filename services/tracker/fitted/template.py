@@ -1,0 +1,80 @@
+"""A standing person as a soft silhouette, and what it says about foreground evidence.
+
+With T the probability that the person covers a pixel and Q that clutter does, the pixel is
+foreground with probability 1 - (1 - Q)(1 - T), a noisy-OR (J. Pearl 1988). The log-likelihood
+ratio against "nobody there" is linear in the evidence, so a search over positions is a correlation
+(after the occupancy maps of F. Fleuret et al., "Multicamera people tracking with a probabilistic
+occupancy map", PAMI 2008).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from services.tracker.fitted.arrays import FloatMap
+
+CLUTTER = 0.05
+"""Probability that a pixel is foreground although nobody is there."""
+_COVER = 0.9
+"""Probability that a pixel well inside the silhouette is foreground."""
+_EDGE = 0.07
+"""Softness of the sides, widths."""
+
+# Half width of a walking person from head (0) to foot (1), averaged over the steps; in widths.
+_REACH_AT = (-0.05, 0.0, 0.04, 0.12, 0.20, 0.35, 0.50, 0.65, 0.80, 0.95, 1.0, 1.05)
+_REACH = (0.0, 0.08, 0.17, 0.20, 0.36, 0.42, 0.40, 0.33, 0.36, 0.42, 0.30, 0.0)
+_FADE_AT = (-0.05, 0.0, 0.06, 0.94, 1.0, 1.05)
+_FADE = (0.05, 0.4, 1.0, 1.0, 0.6, 0.1)
+
+
+@dataclass(frozen=True, eq=False)
+class Template:
+    """Silhouette of one size.
+
+    Attributes:
+        cover: T, (H, W) float32 in [0, 1).
+        weights: (H, W, 2) float32: of unexplained foreground, and of its absence (negative).
+        norm: value of the log-likelihood ratio for a clean person who stands alone.
+        foot: column and row of the foot point inside the patch.
+        mass: sum of T.
+        highest: weight of unexplained foreground.
+    """
+
+    cover: FloatMap
+    weights: FloatMap
+    norm: float
+    foot: tuple[int, int]
+    mass: float
+    highest: float
+
+
+def template(height_px: float, ratio: float) -> Template:
+    """Of a person `height_px` high and `ratio` times as wide; cached by half pixels."""
+    return _build(round(height_px * 2.0), round(ratio * 50.0))
+
+
+@lru_cache(maxsize=2048)
+def _build(height_half_px: int, ratio_fiftieths: int) -> Template:
+    height = max(height_half_px / 2.0, 4.0)
+    width = height * ratio_fiftieths / 50.0
+    half = int(np.ceil(0.8 * width))
+    above, below = int(np.ceil(1.05 * height)), int(np.ceil(0.05 * height))
+    rows = (np.arange(-above, below + 1) + height) / height
+    columns = np.abs(np.arange(-half, half + 1)) / width
+    reach = np.interp(rows, _REACH_AT, _REACH)
+    fade = np.interp(rows, _FADE_AT, _FADE)
+    sides = 1.0 / (1.0 + np.exp((columns[None, :] - reach[:, None]) / _EDGE))
+    cover = _COVER * sides * fade[:, None]
+    positive = np.log((1.0 - (1.0 - CLUTTER) * (1.0 - cover)) / CLUTTER)
+    negative = np.log(1.0 - cover)
+    return Template(
+        cover=cover.astype(np.float32),
+        weights=np.dstack([positive, negative]).astype(np.float32),
+        norm=float((cover * positive + (1.0 - cover) * negative).sum()),
+        foot=(half, above),
+        mass=float(cover.sum()),
+        highest=float(positive.max()),
+    )

@@ -1,0 +1,188 @@
+"""The fitted tracker: evidence in, people with identities out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from schemas import Blobs, Track
+from schemas.tracks import MAX_TRACKS
+from services.tracker.fitted.appearance import look_of, painted
+from services.tracker.fitted.arrays import FloatMap, Image
+from services.tracker.fitted.canvas import Canvas, Fit
+from services.tracker.fitted.fitting import (
+    births,
+    births_without_scale,
+    fit_people,
+    measure_height,
+    shares_in_view,
+)
+from services.tracker.fitted.identity import Identities
+from services.tracker.fitted.kalman import FootFilter
+from services.tracker.fitted.lifecycle import (
+    CLUTTER_HEIGHT,
+    confirm_if_due,
+    is_alive,
+    is_forgotten,
+    missed_near,
+    without_duplicates,
+)
+from services.tracker.fitted.person import Person
+from services.tracker.fitted.report import Reporter
+from services.tracker.fitted.samples import Sample, samples_of
+from services.tracker.fitted.scale import SceneScale
+from services.tracker.settings import TrackerSettings
+
+_WEIGHT: FloatMap = np.array([0.0, 0.3, 1.0, 1.0, *[0.0] * 252], np.float32)
+"""How much each class of the evidence map speaks for a person."""
+_CANVAS_HEIGHT = 50.0
+"""People are reduced to about this height, working pixels, before they are fitted."""
+_SEEN_VISIBILITY, _SEEN_INSIDE = 0.35, 0.3
+_NOISE, _NOISE_HIDDEN, _CLEAR_GAIN = 0.03, 0.15, 0.5
+"""Deviation of a fitted foot point, heights: in the open, and what is added when hidden."""
+_MEASURE_EVERY, _MEASURE_GAIN, _MEASURE_VISIBILITY = 3, 0.45, 0.5
+_HEIGHT_DEVIATION = 0.12
+_LOOK_EVERY = 2
+
+
+class FittedTracker:
+    """People of one scene.
+
+    Every person is a template at a Kalman-filtered foot point with a height. Each frame all
+    templates are fitted jointly to the evidence, so that each pixel is explained once: merged
+    blobs fall into people, broken ones belong to one. What is left unexplained gives birth.
+    """
+
+    def __init__(self, settings: TrackerSettings, next_id: int) -> None:
+        """Start with nobody known; the first person gets `next_id`."""
+        self.next_id = next_id
+        self._settings = settings
+        self._people: list[Person] = []
+        self._scale: SceneScale | None = None
+        self._canvas: Canvas | None = None
+        self._shape: tuple[int, ...] = (0, 0)
+        self._frame = 0
+        self._identities = Identities()
+
+    def update(self, blobs: Blobs, evidence: Image | None, dt_s: float) -> list[Track]:
+        """Tracks of one frame, by id.
+
+        Args:
+            blobs: the message.
+            evidence: its evidence map, (H, W) uint8; without one people are only predicted, and
+                with one of another size than before everybody is forgotten.
+            dt_s: seconds since the frame before.
+        """
+        if evidence is not None and evidence.shape != self._shape:
+            rows = evidence.shape[0]
+            self._shape = evidence.shape
+            self._scale = SceneScale(rows, CLUTTER_HEIGHT * self._settings.min_height * rows)
+            self._people = []
+            self._canvas = None
+        if self._scale is None:
+            return []
+        self._frame += 1
+        for person in self._people:
+            person.predict(dt_s, self._scale)
+        if evidence is None:
+            self._people = [person for person in self._people if self._outlasts(person, dt_s)]
+        else:
+            self._take_in(blobs, evidence, self._scale, dt_s)
+        return Reporter(blobs, self._shape, self._scale, self._settings).tracks(self._people)
+
+    def _outlasts(self, person: Person, dt_s: float) -> bool:
+        person.miss(dt_s)
+        return not is_forgotten(person, self._settings)
+
+    def _take_in(self, blobs: Blobs, evidence: Image, scale: SceneScale, dt_s: float) -> None:
+        weighted = np.asarray(cv2.LUT(evidence, _WEIGHT), np.float32)
+        canvas = self._loaded(weighted, scale)
+        fits = fit_people(canvas, self._people, scale.ratio)
+        in_view = shares_in_view(canvas, self._people, fits)
+        for person in self._people:
+            person.in_view = in_view[person.id]
+            self._measure(canvas, person, fits.get(person.id), dt_s, scale)
+            if person.missed_frames == 0:
+                confirm_if_due(person, evidence, scale.ratio)
+        people = without_duplicates(self._people, scale.ratio, dt_s, self._settings.duplicate_gain)
+        self._people = [
+            person for person in people if is_alive(person, canvas, scale.ratio, self._settings)
+        ]
+        samples = [] if scale.known and scale.settled else samples_of(evidence)
+        self._give_birth(canvas, scale, samples)
+        self._identify(blobs, evidence, scale.ratio)
+        for sample in samples:
+            scale.add_blob(sample.foot[1], sample.height)
+        scale.update(weighted)
+
+    def _loaded(self, evidence: FloatMap, scale: SceneScale) -> Canvas:
+        lowest = scale.height(evidence.shape[0] * 1.1)
+        tallest = max([lowest, *(person.height for person in self._people)])
+        step = max(1, round(scale.typical / _CANVAS_HEIGHT))
+        canvas = self._canvas
+        if canvas is None or canvas.step != step or not tallest <= canvas.tallest <= 2 * tallest:
+            size = (evidence.shape[0], evidence.shape[1])
+            canvas = self._canvas = Canvas(size, 1.2 * tallest, step, scale.ratio)
+        canvas.load(evidence)
+        return canvas
+
+    def _measure(
+        self, canvas: Canvas, person: Person, fit: Fit | None, dt_s: float, scale: SceneScale
+    ) -> None:
+        person.fitted_foot = person.foot if fit is None else fit.foot
+        shape = canvas.template(person.height)
+        person.visibility, person.inside = canvas.visibility(shape, person.fitted_foot)
+        person.gain = 0.0 if fit is None else fit.gain
+        visible = person.visibility > _SEEN_VISIBILITY and person.inside > _SEEN_INSIDE
+        in_view = person.in_view > self._settings.min_in_view
+        if fit is None or not (visible and in_view and person.gain > 0.0):
+            person.miss(dt_s)
+            return
+        hidden = float(np.clip((_CLEAR_GAIN - person.gain) / _CLEAR_GAIN, 0.0, 1.0))
+        person.see(fit.foot, (_NOISE + _NOISE_HIDDEN * hidden**2) * person.height)
+        clear = person.gain > _MEASURE_GAIN and person.visibility > _MEASURE_VISIBILITY
+        if clear and (self._frame + person.id) % _MEASURE_EVERY == 0:
+            measured = measure_height(canvas, person, fit)
+            if measured is not None:
+                height, foot_row = measured
+                if person.confirmed:
+                    scale.add_person(person.id, foot_row, height)
+                person.correct_height(height, _HEIGHT_DEVIATION)
+
+    def _identify(self, blobs: Blobs, evidence: Image, ratio: float) -> None:
+        people = [person for person in self._people if person.confirmed]
+        self._identities.meet(people, ratio)
+        due = [
+            person
+            for person in people
+            if person.is_in_the_open and (self._frame + person.id) % _LOOK_EVERY == 0
+        ]
+        if due:
+            picture = painted(blobs, evidence)
+            for person in due:
+                look = look_of(picture, evidence, person.box(ratio))
+                if look is not None:
+                    self._identities.see(person, look)
+            self._identities.decide(people)
+
+    def _give_birth(self, canvas: Canvas, scale: SceneScale, samples: Sequence[Sample]) -> None:
+        """New people, unless a person who has just been missed is within reach."""
+        settings = self._settings
+        smallest = CLUTTER_HEIGHT * settings.min_height * scale.rows
+        born: list[tuple[Fit, float]] = []
+        if scale.known:
+            born = births(canvas, self._people, scale, smallest, settings.birth_gain)
+        elif scale.refused:
+            large = [sample for sample in samples if sample.height > smallest]
+            born = births_without_scale(canvas, self._people, large, settings.birth_gain)
+        for fit, height in born:
+            missed = missed_near(self._people, fit, height)
+            if missed is not None:
+                missed.reacquire(fit.foot, height, fit.gain)
+            elif len(self._people) < MAX_TRACKS:
+                speed_y = 0.5 / (1.0 + 2.0 * scale.line.slope)
+                foot = FootFilter(fit.foot, height, settings.acceleration, speed_y)
+                self._people.append(Person(self.next_id, foot, height, fit.foot, fit.gain))
+                self.next_id += 1
