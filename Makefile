@@ -3,16 +3,23 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+PIP := $(BIN)/python $(INSTALL)
+PEERS := .venv-peers
+PEERS_PIP := $(PEERS)/bin/python $(INSTALL)
 
-.PHONY: help demo test check lint types test-docker test-slow bench results clean
+define CHECK_PYTHON
+@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	|| { echo "Heel needs Python 3.11 or newer: make PYTHON=/path/to/python3.11 ..."; exit 1; }
+endef
+
+.PHONY: help demo test check lint types test-docker test-slow bench results peers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
 
 $(READY): pyproject.toml constraints.txt
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
-		|| { echo "Heel needs Python 3.11 or newer: make PYTHON=/path/to/python3.11 ..."; exit 1; }
+	$(CHECK_PYTHON)
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) --editable '.[dev]'
 	@# TrackEval's wheel asks for opencv-python, which would overwrite the headless build.
@@ -47,5 +54,16 @@ bench: $(READY)  ## speed, latency and memory, each against something
 results: $(READY)  ## score both presets on all recordings and write docs/results.md
 	$(BIN)/python -m benchmarks.accuracy --write docs/results.md
 
-clean:  ## remove the environment and caches
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis
+$(PEERS)/ready: pyproject.toml constraints.txt
+	$(CHECK_PYTHON)
+	$(PYTHON) -m venv $(PEERS)
+	$(PEERS_PIP) --editable '.[eval]' defusedxml pydeprecate pyyaml requests tqdm
+	@# Their wheels ask for opencv-python, too; above is what else they import.
+	$(PEERS_PIP) --no-deps trackeval supervision trackers
+	@touch $@
+
+peers: $(PEERS)/ready  ## score association beside four public trackers and write docs/association.md
+	$(PEERS)/bin/python -m benchmarks.association --write docs/association.md
+
+clean:  ## remove the environments and caches
+	rm -rf $(VENV) $(PEERS) .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,16 +1,17 @@
 """The tracker on given boxes beside four public trackers: prints the table of docs/association.md.
 
 Protocol: boxes of det.txt, every frame from the first, online, IoU 0.5, MOT15 ground truth with
-flag-0 rows left out, one setting for all sequences, no pictures.
+flag-0 rows left out, one setting for all sequences, no pictures. CPU time is the median of runs in
+which the trackers take turns.
 
-Example run: python -m benchmarks.association --write docs/association.md
+Example run: make peers (without the public trackers: python -m benchmarks.association)
 """
 
 from __future__ import annotations
 
-import tempfile
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,11 +19,13 @@ import numpy as np
 import typer
 
 from benchmarks.accuracy import replace_between
-from benchmarks.association_baselines import BASELINES, BaselineScores
 from benchmarks.association_calibration import Claim, claims_of, reliability_table
-from benchmarks.common import data_folder
-from evaluation.motchallenge import read_ground_truth, write_tracks
-from evaluation.report import evaluate
+from benchmarks.association_peers import Tracker, frame_count, peers, peers_note
+from benchmarks.common import data_folder, interleaved, median
+from evaluation.alignment import align
+from evaluation.motchallenge import read_ground_truth
+from evaluation.report import SequenceScores, score_sequence
+from evaluation.rows import BoxRows
 from schemas.errors import HeelError
 from services.commands.track_detections import read_given, shown_rows
 from services.runtime.command_line import run_app
@@ -31,6 +34,17 @@ from services.tracker.given_boxes.sequence import GivenSequence, track_sequence
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 OURS = "Heel"
 TRUE_BOXES = "PETS09-S2L1"
+_RUNS = 3
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One tracker on one sequence: its boxes, their scores, and CPU milliseconds a frame."""
+
+    tracker: str
+    rows: BoxRows
+    scores: SequenceScores
+    milliseconds: float
 
 
 def sequences() -> list[Path]:
@@ -54,32 +68,59 @@ def true_boxes(folder: Path) -> GivenSequence:
     return replace(given, frames=truth.frames, boxes=truth.boxes_xyxy, scores=scores)
 
 
-def measure(folder: Path, given: GivenSequence, name: str) -> tuple[BaselineScores, list[Claim]]:
-    """Scores and CPU milliseconds a frame of one sequence, and what its ids claimed."""
+def heel(given: GivenSequence) -> tuple[BoxRows, float]:
+    """Heel's tracker on a sequence: the boxes it shows, and CPU seconds."""
     started_s = time.process_time()
     tracked = list(track_sequence(given))
-    milliseconds = 1e3 * (time.process_time() - started_s) / max(len(tracked), 1)
-    rows = shown_rows(tracked)
-    with tempfile.TemporaryDirectory() as out:
-        file = Path(out) / "tracks.txt"
-        write_tracks(file, rows)
-        scores = evaluate(folder, file)
-    found = BaselineScores(
-        name, OURS, scores.mota, scores.idf1, scores.keep, scores.wrong, scores.idsw, milliseconds
-    )
-    return found, claims_of(read_ground_truth(folder / "gt" / "gt.txt"), rows)
+    cpu_s = time.process_time() - started_s
+    return shown_rows(tracked), cpu_s
 
 
-def table(ours: list[BaselineScores]) -> str:
-    """The Markdown table, ours first on every sequence."""
+def measure(folder: Path, given: GivenSequence, name: str) -> list[Measured]:
+    """All trackers on one sequence in turns, ours first; every run has to show the same boxes.
+
+    Raises:
+        HeelError: a tracker showed other boxes in another run.
+    """
+    trackers: dict[str, Tracker] = {OURS: heel, **peers()}
+    shown: dict[str, BoxRows] = {}
+
+    def run(tracker: str) -> float:
+        rows, cpu_s = trackers[tracker](given)
+        if not _equal(shown.setdefault(tracker, rows), rows):
+            raise HeelError(f"{tracker} on {name} shows other boxes in every run: seed it")
+        return cpu_s
+
+    seconds = interleaved(_RUNS, *(partial(run, tracker) for tracker in trackers))
+    truth = read_ground_truth(folder / "gt" / "gt.txt")
+    count = frame_count(given)
+    return [
+        Measured(
+            tracker,
+            shown[tracker],
+            score_sequence(align(truth, shown[tracker], name=name, frame_count=count)),
+            1e3 * median(taken) / count,
+        )
+        for tracker, taken in zip(trackers, seconds, strict=True)
+    ]
+
+
+def _equal(one: BoxRows, other: BoxRows) -> bool:
+    same_ids = np.array_equal(one.identities, other.identities)
+    return same_ids and np.array_equal(one.boxes_xyxy, other.boxes_xyxy)
+
+
+def table(measured: list[Measured]) -> str:
+    """The Markdown table, in the order given."""
     head = ("sequence", "tracker", "MOTA", "IDF1", "keep%", "wrong%", "IDsw", "ms/frame")
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    for own in ours:
-        for one in (own, *(base for base in BASELINES if base.sequence == own.sequence)):
-            name = f"**{one.tracker}**" if one is own else one.tracker
-            values = (f"{value:.1f}" for value in (one.mota, one.idf1, one.keep, one.wrong))
-            cells = (one.sequence, name, *values, str(one.idsw), f"{one.ms:.2f}")
-            lines.append("| " + " | ".join(cells) + " |")
+    for one in measured:
+        scores = one.scores
+        tracker = f"**{one.tracker}**" if one.tracker == OURS else one.tracker
+        values = (scores.mota, scores.idf1, scores.keep, scores.wrong)
+        percent = (f"{value:.1f}" for value in values)
+        cells = (scores.sequence, tracker, *percent, f"{scores.idsw}", f"{one.milliseconds:.2f}")
+        lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
@@ -88,15 +129,15 @@ def main(
     write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
 ) -> None:
     """Track the given boxes of every sequence and score them beside the public trackers."""
-    ours: list[BaselineScores] = []
+    measured: list[Measured] = []
     claims: dict[str, list[Claim]] = {}
     for folder in sequences():
-        scores, claims[folder.name] = measure(folder, read_given(folder), folder.name)
-        ours.append(scores)
+        found = measure(folder, read_given(folder), folder.name)
+        claims[folder.name] = claims_of(read_ground_truth(folder / "gt" / "gt.txt"), found[0].rows)
         if folder.name == TRUE_BOXES:
-            perfect, _ = measure(folder, true_boxes(folder), f"{folder.name} (true boxes)")
-            ours.append(perfect)
-    text = f"{table(ours)}\n{reliability_table(claims)}"
+            found += measure(folder, true_boxes(folder), f"{folder.name} (true boxes)")
+        measured += found
+    text = f"{table(measured)}\n{peers_note()}\n{reliability_table(claims)}"
     typer.echo(text)
     if write is not None:
         write.write_text(replace_between(write.read_text("utf-8"), text), encoding="utf-8")

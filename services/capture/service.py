@@ -196,6 +196,7 @@ class CaptureService:
             )
         )
         self._context.log.info("end of stream after %d frames: %s", self._seq, reason)
+        self._context.linger()
 
     def _report(self, reason: str | None) -> None:
         if self._context.statistics.problem("camera", reason):

@@ -104,6 +104,7 @@ class FollowerService:
                 self._context.log.info("stream ended after %d frames: %s", end.frames, end.reason)
                 if self._context.settings.exit_at_end:
                     self._out.end(end)
+                    self._context.linger()
                     return
 
     def _observe(self, arrival: Arrival) -> bool:

@@ -69,6 +69,11 @@ class Children:
         """Why the first child that ended badly did so; None while all is well."""
         return next(filter(None, (child.failure() for child in self._children)), None)
 
+    def failure_of(self, name: str) -> str | None:
+        """Why one child ended badly, None if it did not or was killed for not ending."""
+        child = next(child for child in self._children if child.name == name)
+        return child.failure() if child.process.returncode == 1 else None
+
     def wait_all(self, timeout_s: float) -> bool:
         """Wait for every child to end by itself; False if some have not."""
         deadline_s = time.monotonic() + timeout_s

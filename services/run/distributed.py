@@ -25,7 +25,7 @@ from services.runtime.router import open_private_router
 
 _START_TIMEOUT_S = 30.0
 _STALL_TIMEOUT_S = 60.0
-_DRAIN_S = 3.0
+_DRAIN_S = 8.0
 _LAST_WORDS_S = 1.0
 _POLL_S = 0.1
 
@@ -128,12 +128,23 @@ class DistributedRun:
         self._drain(inbox, collector, children)
         if self._failure is not None and not self._stop.is_set():
             raise HeelError(self._failure)
+        if collector.ended:
+            self._check_nothing_lost()
+
+    def _check_nothing_lost(self) -> None:
+        """A lossless run that lost something says so instead of looking whole."""
+        s = self.summary
+        if self._options.delivery == "lossless" and not s.captured == s.detected == s.tracked:
+            raise HeelError(
+                f"lossless: {s.captured} frames were captured, {s.detected} detected and "
+                f"{s.tracked} tracked: see {self._options.out}/logs and run it again"
+            )
 
     def _drain(self, inbox: Inbox, collector: Collector, children: Children) -> None:
         """Let the services end and take their last words: the health that ends each of them."""
         ending = threading.Thread(target=self._end_children, args=(children,), daemon=True)
         ending.start()
-        deadline_s = time.monotonic() + _DRAIN_S + 5.0
+        deadline_s = time.monotonic() + _DRAIN_S
         while time.monotonic() < deadline_s:
             arrival = inbox.get(_POLL_S)
             if arrival is not None:
@@ -146,12 +157,11 @@ class DistributedRun:
         self.summary.peak_rss_mb["run"] = process.memory_mb()[1]
 
     def _end_children(self, children: Children) -> None:
-        # After the end of the stream they end by themselves; otherwise they are told to.
-        if not self._stop.is_set() and self.summary.ended and self._options.web_port is None:
-            children.wait_all(_DRAIN_S)
         # Asked before they are told to end: what becomes of them then is no failure of the run.
-        self._failure = children.failure()
+        # But capture tells of the end first and fails then.
+        failure = children.failure()
         children.end()
+        self._failure = failure or children.failure_of("capture")
 
 
 def _settings_in_force(session: zenoh.Session) -> dict[str, object]:

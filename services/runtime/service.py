@@ -38,6 +38,8 @@ from services.runtime.streams import StreamJudge
 
 EXIT_DEADLINE_S = 1.7
 """Longest time from a signal to the end of the process, however stuck it is."""
+LINGER_S = 1.0
+"""How long a service stays after the end of its stream, so that its last messages are taken."""
 LOOP_WAIT_S = 0.2
 """Longest wait inside a service loop, so that it comes round and sees a stop."""
 
@@ -92,7 +94,16 @@ class ServiceContext(Generic[S]):
                 if out is not None:
                     out.end(end)
                 if self.settings.exit_at_end:
+                    self.linger()
                     return
+
+    def linger(self) -> None:
+        """Stay a moment after the last message, or until told to end.
+
+        Shared memory goes with the process that owns it: receivers that had not opened the last
+        messages yet lost them (1 run of 6 on a busy machine).
+        """
+        self.stop.wait(LINGER_S)
 
     def publisher(self, key: str, qos: TopicQos) -> StreamPublisher:
         """Send a stream in this service's delivery mode."""

@@ -55,7 +55,8 @@ def test_flags_win_over_the_environment_and_that_over_the_file(
 ) -> None:
     file = write(
         tmp_path,
-        '[detector]\nblur_px = 3\nfeedback_lag_frames = 3\nwork_width_px = 320\n[log]\nlevel = "debug"\n',
+        "[detector]\nblur_px = 3\nfeedback_lag_frames = 3\nwork_width_px = 320\n"
+        '[log]\nlevel = "debug"\n',
     )
     monkeypatch.setenv("HEEL_DETECTOR__FEEDBACK_LAG_FRAMES", "4")
     monkeypatch.setenv("HEEL_DETECTOR__WORK_WIDTH_PX", "640")
