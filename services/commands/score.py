@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,17 +10,23 @@ import typer
 
 def score(
     ground_truth: Annotated[
-        Path, typer.Argument(help="sequence folder, or its gt.txt", metavar="GT")
+        Path,
+        typer.Argument(
+            help="sequence folder or its gt.txt, or a folder of sequences", metavar="GT"
+        ),
     ],
     tracks: Annotated[
-        Path, typer.Argument(help="tracks.txt, or the folder it is in", metavar="TRACKS")
+        Path,
+        typer.Argument(
+            help="tracks.txt or its folder, or a folder of SEQUENCE.txt", metavar="TRACKS"
+        ),
     ],
     iou: Annotated[float, typer.Option(help="least overlap of a match, IoU")] = 0.5,
     flags: Annotated[
         Literal["mot15", "ignore", "all"],
         typer.Option(help="rows with flag 0: left out, ignore regions, or people like all others"),
     ] = "mot15",
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object a line")] = False,
     plot: Annotated[
         Path | None, typer.Option(help="folder for accuracy and timeline plots", metavar="DIR")
     ] = None,
@@ -30,14 +35,22 @@ def score(
     from rich.console import Console
 
     from evaluation.plots import write_plots
-    from evaluation.report import load_sequence, score_sequence, scores_table
+    from evaluation.report import (
+        find_pairs,
+        load_sequence,
+        score_sequence,
+        scores_json,
+        scores_table,
+    )
 
-    sequence = load_sequence(ground_truth, tracks, iou_threshold=iou, flags=flags)
-    scores = score_sequence(sequence, iou_threshold=iou)
+    scores = []
+    for truth, output in find_pairs(ground_truth, tracks):
+        sequence = load_sequence(truth, output, iou_threshold=iou, flags=flags)
+        scores.append(score_sequence(sequence, iou_threshold=iou))
+        if plot is not None:
+            for path in write_plots(sequence, plot, iou_threshold=iou):
+                typer.echo(f"wrote {path}", err=True)
     if as_json:
-        typer.echo(json.dumps(scores.model_dump()))
+        typer.echo(scores_json(scores))
     else:
-        Console().print(scores_table([scores]))
-    if plot is not None:
-        for path in write_plots(sequence, plot, iou_threshold=iou):
-            typer.echo(f"wrote {path}", err=True)
+        Console().print(scores_table(scores))
