@@ -79,14 +79,16 @@ def _forward(pid: int, number: int) -> None:
 
 def _reap_orphans() -> None:
     """Wait for services that outlived the run's process; the kernel has told them to end."""
+    # Blocked first: an end between looking and waiting then stays pending instead of being missed.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCHLD})
     deadline_s = time.monotonic() + _REAP_S
-    while time.monotonic() < deadline_s:
+    while (remaining_s := deadline_s - time.monotonic()) > 0:
         try:
             pid, _ = os.waitpid(-1, os.WNOHANG)
         except ChildProcessError:
             return
         if pid == 0:
-            time.sleep(0.02)
+            signal.sigtimedwait({signal.SIGCHLD}, remaining_s)
 
 
 def remove_orphaned_segments(folder: Path = _SHARED_MEMORY) -> int:
