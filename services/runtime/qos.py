@@ -15,11 +15,16 @@ import zenoh
 from schemas import (
     Blobs,
     CameraInfo,
+    DriveState,
     EStop,
     FollowState,
     Health,
     MotionCommand,
+    Odometry,
     Progress,
+    Ranges,
+    SimTruth,
+    SimWorld,
     Target,
     Tracks,
 )
@@ -66,4 +71,9 @@ INFO = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, CameraInfo.max_bytes)
 STATE = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, FollowState.max_bytes)
 TARGET = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, Target.max_bytes)
 PROGRESS = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, True, LOSSLESS_CAPACITY, Progress.max_bytes)
+ODOMETRY = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Odometry.max_bytes)
+RANGES = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Ranges.max_bytes)
+DRIVE = TopicQos(_P.REAL_TIME, _DROP, True, 1, DriveState.max_bytes)
+SIM_TRUTH = TopicQos(_P.DATA, _DROP, False, 2, SimTruth.max_bytes)
+SIM_WORLD = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 2, SimWorld.max_bytes)
 HEALTH = TopicQos(_P.BACKGROUND, _DROP, False, 64, Health.max_bytes)
