@@ -43,6 +43,8 @@ class Frame:
         source_width: width in pixels before `--scale`.
         source_height: height in pixels before `--scale`.
         acquired_ns: `time.monotonic_ns()` when a camera delivered it, None in a recording.
+        new_ns: the same of the first of equal pictures in a row. A camera that repeats itself byte
+            for byte shows nothing newer, so this is what its age counts from.
     """
 
     image: NDArray[np.uint8]
@@ -51,6 +53,7 @@ class Frame:
     source_width: int
     source_height: int
     acquired_ns: int | None = None
+    new_ns: int | None = None
 
 
 @dataclass(frozen=True)

@@ -177,6 +177,22 @@ def test_a_camera_that_repeats_the_same_bytes_is_reported_as_frozen() -> None:
         device.give(None)
 
 
+def test_a_picture_that_repeats_is_as_old_as_when_it_came_first() -> None:
+    """So a frozen camera goes stale for everybody behind it, within their own limits."""
+    device = FakeDevice()
+    device.give(picture(0))
+    with LiveSource("camera", connected_to(device)) as source:
+        frames = [source.read(5.0)]
+        for number in (0, 0, 1):
+            device.give(picture(number))
+            frames.append(source.read(5.0))
+        device.give(None)
+    acquired_ns = [frame.acquired_ns for frame in frames if frame is not None]
+    new_ns = [frame.new_ns for frame in frames if frame is not None]
+    assert acquired_ns == sorted(set(acquired_ns))
+    assert new_ns == [acquired_ns[0]] * 3 + [acquired_ns[3]]
+
+
 def test_a_camera_that_cannot_be_opened_at_first_is_refused_at_once() -> None:
     error = SourceError("the device cannot be opened")
     started = time.monotonic()
