@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from schemas import SimTruth, TargetRequest
-from services.follower.core import Follower, TargetError
+from schemas import HeelError, SimTruth, TargetRequest
+from services.follower.core import Follower
 
 _FIRST_CLICK_S = 1.0
 _AGAIN_S = 0.5
@@ -46,7 +46,7 @@ class User:
         )
         try:
             chosen = follower.choose(click).track_id
-        except TargetError:
+        except HeelError:
             # Nobody is tracked there yet: the page says so, and one clicks again.
             return
         if chosen is not None and people_by_track.get(chosen) == self._target:
