@@ -121,7 +121,7 @@ def _distractors(count: int) -> Callable[[Stage, str], Scenario]:
         speed = stage.uniform(0.7, 1.1)
         way = _gentle(stage, speed * stage.uniform(30, 42))
         _send(stage, speed, way)
-        _crossers(stage, speed, way, ["other"] * count)
+        _crossers(stage, way, ["other"] * count)
         return stage.finish(name, *stage.surround())
 
     return make
@@ -134,7 +134,7 @@ def _twin(stage: Stage, name: str) -> Scenario:
     _send(stage, speed, way)
     if stage.rng.random() < 0.6:
         others: list[Role] = ["other"] * int(stage.rng.integers(0, 2))
-        _crossers(stage, speed, way, ["twin", *others])
+        _crossers(stage, way, ["twin", *others])
     else:
         side, pace = stage.uniform(1.3, 1.8) * _sign(stage), stage.uniform(0.8, 1.2)
         back = [(x_m, y_m + side) for x_m, y_m in reversed([(0.0, 0.0), *way])]
@@ -262,26 +262,19 @@ def _bystanders(stage: Stage, count: int) -> None:
         stage.add("other", x_m, y_m, stage.uniform(-math.pi, math.pi), walk)
 
 
-def _crossers(stage: Stage, target_mps: float, way: list[Place], roles: list[Role]) -> None:
-    """People beside the way who set off so as to pass just behind the target, one by one."""
+def _crossers(stage: Stage, way: list[Place], roles: list[Role]) -> None:
+    """People beside the way who cross it just behind the target, one by one."""
     points = np.array([(0.0, 0.0), *way])
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    arcs = np.concatenate([[0.0], np.cumsum(steps)])
-    first, last = 6.0, float(arcs[-1]) - 4.0
-    for index, role in enumerate(roles):
-        arc = first + (last - first) * (index + stage.uniform(0.2, 0.8)) / len(roles)
-        leg = int(np.searchsorted(arcs, arc)) - 1
-        along = (points[leg + 1] - points[leg]) / steps[leg]
-        x_m, y_m = (points[leg] + (arc - arcs[leg]) * along).tolist()
-        side, off_m = _sign(stage), stage.uniform(3.0, 4.0)
-        across = -side * float(along[1]), side * float(along[0])
-        pace, beyond_m = stage.uniform(1.0, 1.3), stage.uniform(4.0, 5.0)
-        legs = (
-            Crossing(stage.uniform(0.55, 0.7)),
-            Leg(x_m - beyond_m * across[0], y_m - beyond_m * across[1]),
-        )
-        # Half a second goes into getting up to speed.
-        cue = max(arc + 0.6 - target_mps * (off_m / pace + 0.5), 0.1)
-        start = x_m + off_m * across[0], y_m + off_m * across[1]
-        facing = math.atan2(-across[1], -across[0])
-        stage.add(role, *start, facing, Walk(pace, legs, cue_m=cue))
+    steps = np.diff(points, axis=0)
+    # Not on the first leg, and not near corners, which people round off.
+    share = (np.arange(len(roles)) + stage.rng.uniform(0.2, 0.8, len(roles))) / len(roles)
+    for role, leg in zip(roles, (1 + share * (len(steps) - 2)).tolist(), strict=True):
+        place = points[int(leg)] + stage.uniform(0.35, 0.65) * steps[int(leg)]
+        along = steps[int(leg)] / np.hypot(*steps[int(leg)])
+        across = _sign(stage) * np.array([-along[1], along[0]])
+        x_m, y_m = place.tolist()
+        start_x, start_y = (place + stage.uniform(2.5, 4.0) * across).tolist()
+        end_x, end_y = (place - stage.uniform(4.0, 5.0) * across).tolist()
+        legs = Crossing(x_m, y_m, stage.uniform(0.55, 0.7)), Leg(end_x, end_y)
+        facing = math.atan2(-float(across[1]), -float(across[0]))
+        stage.add(role, start_x, start_y, facing, Walk(stage.uniform(1.0, 1.3), legs))
