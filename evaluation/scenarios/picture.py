@@ -30,6 +30,7 @@ STATE_COLOURS = {
 }
 _TARGET, _OTHER, _WRONG, _SOLID = "#6a3fb5", "#b8c1cc", "#d11149", "#c9ced6"
 _MARK_EVERY_S = 5.0
+_LONGEST_IN = 9.0
 
 
 def draw_episode(
@@ -41,9 +42,9 @@ def draw_episode(
         HeelError: matplotlib is not installed.
     """
     left, bottom, right, top = _extent(log)
-    width_in = 11.0
-    height_in = float(np.clip(width_in * (top - bottom) / (right - left) + 1.3, 4.0, 12.0))
-    figure, axes = new_figure(height_in, width_in)
+    scale = _LONGEST_IN / max(right - left, top - bottom)
+    height_in, width_in = (top - bottom) * scale + 1.6, (right - left) * scale + 1.0
+    figure, axes = new_figure(max(height_in, 4.0), max(width_in, 7.0))
     _draw_scenery(axes, scenery)
     for person in range(log.people_xy_m.shape[1]):
         if person != log.target:
@@ -52,7 +53,8 @@ def draw_episode(
     _draw_robot(axes, log)
     _draw_marks(axes, log)
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x (m)", ylabel="y (m)")
-    set_title(axes, title, _figures(scores))
+    # One below the other: a path may be narrow.
+    set_title(axes, f"{title}\n{_figures(scores)}", "")
     _draw_legend(axes, log)
     save(figure, path)
 
