@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,9 @@ from services.simulator.render.panda import core
 from services.simulator.state import Obstacle, Scenery
 
 FLOOR_SORT, SHADOW_SORT = 10, 20
-_CELL_M = 1.0
+Area = tuple[float, float, float, float]
+_CELL_M = 1.5
+_CHUNK_M = 9.0
 _OUTSIDE_M = 36.0
 _OUTSIDE_CELL_M = 4.0
 _CEILING_M = 2.8
@@ -40,12 +44,13 @@ class Stage:
         self.root = core.NodePath("stage")
         self._rng = np.random.default_rng([seed, 31])
         self._seed = seed
-        self._far = self._put("far", _far_view(), surfaces.panorama(seed))
+        self._far = self._put("far", [_far_view()], surfaces.panorama(seed))
         self._far.set_bin("background", 0)
         self._far.set_depth_write(False)
         self._far.set_light_off()
         floor = self._put("floor", _floor(scenery), ground(scenery.floor, seed))
         floor.set_bin("background", FLOOR_SORT)
+        self._posters = texture("posters", surfaces.posters(seed))
         for obstacle in scenery.obstacles:
             self._add(obstacle, scenery.indoors)
         if scenery.indoors:
@@ -57,11 +62,13 @@ class Stage:
         """Keep the horizon out of reach of the camera."""
         self._far.set_pos(x_m, y_m, z_m)
 
-    def _put(self, name: str, mesh: Mesh, picture: Picture) -> Any:
-        shape = node(name, mesh)
-        shape.set_texture(texture(name, picture))
-        shape.reparent_to(self.root)
-        return shape
+    def _put(self, name: str, pieces: Sequence[Mesh], picture: Picture) -> Any:
+        """One picture on several pieces, of which only those in view are drawn."""
+        holder = self.root.attach_new_node(name)
+        holder.set_texture(texture(name, picture))
+        for piece in pieces:
+            node(name, piece).reparent_to(holder)
+        return holder
 
     def _add(self, obstacle: Obstacle, indoors: bool) -> None:
         kind = int(self._rng.integers(surfaces.FURNITURE_KINDS))
@@ -85,19 +92,21 @@ class Stage:
         return surfaces.plaster(self._seed) if indoors else surfaces.bricks(self._seed)
 
     def _hang_posters(self, wall: Any, length_m: float, y_m: float, turn_deg: float) -> None:
-        side = wall.attach_new_node("side")
-        side.set_pos(0.0, y_m, 0.0)
-        side.set_h(turn_deg)
+        hung = []
         for place in np.arange(0.7, length_m - 1.1, _POSTER_EVERY_M):
             wide, high, low = self._rng.uniform((0.45, 0.5, 0.9), (1.0, 1.1, 1.25))
-            if self._rng.random() < 0.25:
-                continue
-            number = int(self._rng.integers(surfaces.POSTERS))
             left = place - length_m / 2 + float(self._rng.uniform(0, 0.4))
-            shape = node("poster", patch((left, -_OFF_WALL_M, low), (wide, 0, 0), (0, 0, high),
-                                         (1, 1), (1, 1)))  # fmt: skip
-            shape.set_texture(texture("poster", surfaces.poster(self._seed, number)))
-            shape.reparent_to(side)
+            which = self._rng.integers(surfaces.POSTERS_A_SIDE, size=2).astype(np.float32)
+            if self._rng.random() < 0.75:
+                share = 1 / surfaces.POSTERS_A_SIDE
+                sheet = patch((left, -_OFF_WALL_M, low), (wide, 0, 0), (0, 0, high),
+                              (share, share), (1, 1))  # fmt: skip
+                hung.append(replace(sheet, uv=sheet.uv + which * np.float32(share)))
+        if hung:
+            side = node("posters", joined(hung))
+            side.set_texture(self._posters)
+            side.set_pos_hpr(0.0, y_m, 0.0, turn_deg, 0.0, 0.0)
+            side.reparent_to(wall)
 
     def _shine(self, indoors: bool) -> None:
         ambient, sun = core.AmbientLight("ambient"), core.DirectionalLight("sun")
@@ -107,10 +116,10 @@ class Stage:
         self.lights = tuple(self.root.attach_new_node(light) for light in (ambient, sun))
 
 
-def _floor(scenery: Scenery) -> Mesh:
+def _floor(scenery: Scenery) -> list[Mesh]:
     """The floor within the bounds, and open ground around it where there is no room."""
     left, bottom, right, top = scenery.bounds_m
-    inner = _ground_patch((left, bottom, right, top), _CELL_M)
+    inner = _tiled((left, bottom, right, top), _CHUNK_M, _CELL_M)
     if scenery.indoors:
         return inner
     out = _OUTSIDE_M
@@ -118,27 +127,47 @@ def _floor(scenery: Scenery) -> Mesh:
         (left - out, bottom - out, right + out, bottom), (left - out, top, right + out, top + out),
         (left - out, bottom, left, top), (right, bottom, right + out, top),
     )  # fmt: skip
-    return joined([inner, *(_ground_patch(area, _OUTSIDE_CELL_M) for area in around)])
+    return [*inner, *(piece for area in around for piece in _tiled(area, out, _OUTSIDE_CELL_M))]
 
 
-def _ground_patch(area: tuple[float, float, float, float], cell_m: float) -> Mesh:
+def _tiled(area: Area, chunk_m: float, cell_m: float) -> list[Mesh]:
+    """An area of the ground in pieces of at most `chunk_m`."""
+    left, bottom, right, top = area
+    columns, rows = _cuts(left, right, chunk_m), _cuts(bottom, top, chunk_m)
+    return [
+        _ground_patch((x, y, next_x, next_y), cell_m)
+        for x, next_x in pairwise(columns)
+        for y, next_y in pairwise(rows)
+    ]
+
+
+def _cuts(low: float, high: float, step: float) -> list[float]:
+    count = max(1, math.ceil((high - low) / step))
+    return [low + (high - low) * index / count for index in range(count + 1)]
+
+
+def _ground_patch(area: Area, cell_m: float) -> Mesh:
     left, bottom, right, top = area
     across, deep = right - left, top - bottom
     cells = max(1, math.ceil(across / cell_m)), max(1, math.ceil(deep / cell_m))
     mesh = patch((left, bottom, 0), (across, 0, 0), (0, deep, 0), (1, 1), cells)
     # The pattern belongs to the place, so that neighbouring patches meet.
-    uv = (mesh.vertices[:, :2] / PERIOD_M).astype(np.float32)
-    return Mesh(mesh.vertices, mesh.normals, uv, mesh.triangles)
+    return replace(mesh, uv=(mesh.vertices[:, :2] / PERIOD_M).astype(np.float32))
 
 
-def _ceiling(scenery: Scenery) -> Mesh:
+def _ceiling(scenery: Scenery) -> list[Mesh]:
     left, bottom, right, top = scenery.bounds_m
     walls = [thing.height_m for thing in scenery.obstacles if thing.kind == "wall"]
     height = max(walls, default=_CEILING_M)
-    across, deep = right - left, top - bottom
     period = surfaces.CEILING_PERIOD_M
-    repeats, cells = (across / period, deep / period), (math.ceil(across), math.ceil(deep))
-    return patch((left, top, height), (across, 0, 0), (0, -deep, 0), repeats, cells)
+    pieces = []
+    for x, next_x in pairwise(_cuts(left, right, 4 * period)):
+        for y, next_y in pairwise(_cuts(bottom, top, 4 * period)):
+            across, deep = next_x - x, next_y - y
+            panel = patch((x, next_y, height), (across, 0, 0), (0, -deep, 0), (1, 1), (4, 4))
+            uv = (panel.vertices[:, :2] / period).astype(np.float32)
+            pieces.append(replace(panel, uv=uv))
+    return pieces
 
 
 def _far_view() -> Mesh:

@@ -9,7 +9,7 @@ from services.simulator.render.noise import Picture, clouds, coloured, grey, str
 
 WALL_PERIOD_M = 4.0
 CEILING_PERIOD_M = 2.4
-POSTERS = 10
+POSTERS_A_SIDE = 4
 FURNITURE_KINDS = 3
 
 
@@ -46,9 +46,16 @@ def bricks(seed: int) -> Picture:
     return np.asarray(np.clip(picture + stains, 0, 255), np.uint8)
 
 
-def poster(seed: int, number: int) -> Picture:
-    """A picture to hang on a wall, (128, 128, 3)."""
-    rng = np.random.default_rng([seed, 23, number])
+def posters(seed: int) -> Picture:
+    """Pictures to hang on walls, `POSTERS_A_SIDE` in a row and in a column, (512, 512, 3)."""
+    rng = np.random.default_rng([seed, 23])
+    rows = [
+        np.hstack([_poster(rng) for _ in range(POSTERS_A_SIDE)]) for _ in range(POSTERS_A_SIDE)
+    ]  # fmt: skip
+    return np.vstack(rows)
+
+
+def _poster(rng: np.random.Generator) -> Picture:
     colours = rng.integers(30, 245, (6, 3)).tolist()
     picture = np.full((128, 128, 3), colours[0], np.uint8)
     for colour in colours[1:]:
