@@ -13,6 +13,7 @@ from services.detector.settings import DetectorServiceSettings
 from services.follower.settings import FollowerServiceSettings
 from services.runtime.command_line import later, run_process, settings_command
 from services.runtime.router import RouterSettings
+from services.simulator.settings import SimulatorSettings
 from services.tracker.settings import TrackerServiceSettings
 from services.web.settings import WebServiceSettings
 
@@ -21,6 +22,7 @@ _SERVICES = (
     ("detector", DetectorServiceSettings, "Find people-sized foreground in every frame."),
     ("tracker", TrackerServiceSettings, "Give people identities and keep them."),
     ("follower", FollowerServiceSettings, "Turn the chosen person into motion commands."),
+    ("simulator", SimulatorSettings, "Simulate a world with people and a robot in it."),
     ("web", WebServiceSettings, "Serve the live picture and control page."),
 )
 

@@ -10,13 +10,13 @@ from dataclasses import replace
 
 from schemas import CameraInfo, EndOfStream, HeelError, MessageError, Progress, decode, encode, keys
 from services.capture.credit import CreditWindow
-from services.capture.pacing import Pacer
 from services.capture.pixels import fit_to_cap
 from services.capture.settings import CaptureSettings
 from services.capture.source import Frame, FrameSource, SourceTimeout
 from services.capture.sources import open_source
 from services.runtime import qos
 from services.runtime.images import ImageCoding, StreamIdentity, pack_image
+from services.runtime.pacing import Pacer
 from services.runtime.publishing import Latched
 from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from services.runtime.settings import Loaded

@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
-
-from services.runtime.settings import StrictSettings
 
 _LEVELS = 8
 _MARGIN_PX = 64
 
 
-class CameraEffects(StrictSettings):
-    """How bad the camera is; zeros make it perfect."""
+@dataclass(frozen=True, slots=True)
+class CameraEffects:
+    """How bad the camera is; zeros make it perfect.
 
-    noise_grey: float = Field(
-        2.2, ge=0, le=40, description="sensor noise at normal exposure, grey levels (deviation)"
-    )
-    shutter_s: float = Field(
-        0.012, ge=0, le=0.1, description="exposure time, which turns rotation into blur"
-    )
-    exposure_lag_s: float = Field(
-        0.6, ge=0, le=10, description="time constant of the automatic exposure"
-    )
-    max_gain: float = Field(
-        4.0, ge=1, le=16, description="most the automatic exposure can brighten or darken"
-    )
+    Attributes:
+        noise_grey: deviation of the sensor's noise at normal exposure, grey levels.
+        shutter_s: exposure time, which turns rotation into blur.
+        exposure_lag_s: time constant of the automatic exposure.
+        max_gain: most by which it can brighten or darken.
+    """
+
+    noise_grey: float = 2.2
+    shutter_s: float = 0.012
+    exposure_lag_s: float = 0.6
+    max_gain: float = 4.0
 
 
 class CameraFilter:
