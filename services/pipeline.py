@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas import Blobs, FrameId, MotionCommand, Tracks
-from services.capture.packing import fit_to_cap
+from services.capture.pixels import fit_to_cap
 from services.capture.scene_source import open_scene
 from services.capture.sources import open_source
 from services.detector.core import Detector

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,10 +10,11 @@ from evaluation.following.log import EpisodeLog
 from evaluation.following.scores import score_episode
 from evaluation.scenarios.loop import ClosedLoop
 from evaluation.scenarios.parallel import EpisodeTask
-from evaluation.scenarios.perception import SimulatedBoxes
+from evaluation.scenarios.perception import Perception, SimulatedBoxes
 from evaluation.scenarios.picture import draw_episode
 from evaluation.scenarios.report import EpisodeResult, Mode
 from schemas.errors import HeelError
+from services.detector.settings import DetectorServiceSettings, DetectorSettings
 from services.drive.core import Drive
 from services.drive.settings import DriveServiceSettings, DriveSettings
 from services.follower.core import Follower
@@ -30,6 +32,7 @@ class StackSettings:
     """What the cores are set to: the settings that their processes would read."""
 
     mode: Mode
+    detector: DetectorSettings
     tracker: TrackerSettings
     follower: FollowerSettings
     drive: DriveSettings
@@ -47,6 +50,9 @@ def load_stack(mode: Mode, file: Path | None) -> StackSettings:
     Raises:
         SettingsError: as `load_settings`.
     """
+    detector: Loaded[DetectorServiceSettings] = load_settings(
+        "detector", DetectorServiceSettings, {}, file
+    )
     tracker: Loaded[TrackerServiceSettings] = load_settings(
         "tracker", TrackerServiceSettings, {}, file
     )
@@ -54,27 +60,44 @@ def load_stack(mode: Mode, file: Path | None) -> StackSettings:
         "follower", FollowerServiceSettings, {}, file
     )
     drive: Loaded[DriveServiceSettings] = load_settings("drive", DriveServiceSettings, {}, file)
-    return StackSettings(mode, tracker.service, follower.service, drive.service)
+    return StackSettings(mode, detector.service, tracker.service, follower.service, drive.service)
 
 
 def run_episode(settings: StackSettings, task: EpisodeTask) -> EpisodeResult:
-    """Run and score one episode, and draw it where a folder is given."""
+    """Run and score one episode, and draw and film it where a folder is given."""
     world = scenario(task.scenario, task.seed)
-    log = _log_of(world, settings)
+    if task.out is not None:
+        _make_folder(task.out)
+    log = _play(world, settings, task)
     scores = score_episode(log, settings.max_speed_mps)
     if task.out is not None:
         title = f"{task.scenario}, seed {task.seed} ({settings.mode})"
-        path = task.out / f"{task.scenario}-{task.seed}.png"
-        try:
-            task.out.mkdir(parents=True, exist_ok=True)
-            draw_episode(log, scores, world.scenery, title, path)
-        except OSError as error:
-            raise HeelError(f"{path}: cannot be written ({error.strerror})") from error
+        draw_episode(log, scores, world.scenery, title, task.out / f"{task.name}.png")
     return EpisodeResult(scenario=task.scenario, seed=task.seed, scores=scores)
 
 
-def _log_of(world: World, settings: StackSettings) -> EpisodeLog:
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise HeelError(f"{folder}: cannot be made ({error.strerror})") from error
+
+
+def _play(world: World, settings: StackSettings, task: EpisodeTask) -> EpisodeLog:
     mount = CameraMount()
-    perception = SimulatedBoxes(world, mount, settings.tracker)
-    loop = ClosedLoop(world, mount, perception, Follower(settings.follower), Drive(settings.drive))
-    return loop.run().log()
+    cores = Follower(settings.follower), Drive(settings.drive)
+    if settings.mode == "simulated boxes" and not task.video:
+        boxes = SimulatedBoxes(world, mount, settings.tracker)
+        return ClosedLoop(world, mount, boxes, *cores).run().log()
+    # Here and not above: without pictures no extra is needed.
+    from evaluation.scenarios.pixels import Camera, Film, RenderedPixels
+
+    with ExitStack() as resources:
+        camera = resources.enter_context(Camera(world, mount))
+        perception: Perception = RenderedPixels(camera, settings.detector, settings.tracker)
+        if settings.mode == "simulated boxes":
+            perception = SimulatedBoxes(world, mount, settings.tracker)
+        film = None
+        if task.video and task.out is not None:
+            film = resources.enter_context(Film(camera, task.out / f"{task.name}.mp4", mount.fps))
+        return ClosedLoop(world, mount, perception, *cores, film).run().log()

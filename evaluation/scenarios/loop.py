@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from evaluation.scenarios.perception import CAMERA, Perception, camera_info
+from evaluation.scenarios.perception import STREAM, Perception, camera_info
 from evaluation.scenarios.user import User
 from evaluation.scenarios.witness import Witness
 from schemas import FrameId, MotionCommand, SimTruth, Tracks
@@ -13,6 +14,9 @@ from services.drive.core import Drive
 from services.follower.core import Follower
 from services.simulator.state import CameraMount
 from services.simulator.world import World
+
+if TYPE_CHECKING:
+    from evaluation.scenarios.pixels import Film
 
 CONTROL_MS = 20
 """Follower and drive both run at 50 Hz, as their processes do."""
@@ -43,17 +47,20 @@ class ClosedLoop:
         perception: sees this world.
         follower: nobody chosen yet.
         drive: waiting.
+        film: gets every picture; None for none.
     """
 
     def __init__(
         self, world: World, mount: CameraMount, perception: Perception, follower: Follower,
         drive: Drive,
+        film: Film | None = None,
     ) -> None:  # fmt: skip
         self._world = world
         self._mount = mount
         self._perception = perception
         self._follower = follower
         self._drive = drive
+        self._film = film
         self._frame_ms = round(1000 / mount.fps)
         self._witness = Witness(world, mount)
         self._user = User([person.role for person in world.people].index("target"))
@@ -83,7 +90,7 @@ class ClosedLoop:
         if not self._world.camera_on:
             return
         frame = FrameId(
-            stream=CAMERA, epoch=1, seq=self._frames, index=self._frames,
+            stream=STREAM, epoch=1, seq=self._frames, index=self._frames,
             t_capture_ns=now_ms * 1_000_000,
         )  # fmt: skip
         truth = self._world.truth(self._frames, self._mount)
@@ -93,6 +100,8 @@ class ClosedLoop:
             _Sighting(now_ms + TRACKS_AGE_MS, now_ms, tracks, truth,
                       self._witness.people_of(truth, tracks))
         )  # fmt: skip
+        if self._film is not None:
+            self._film.add(tracks, self._follower.state)
         self._frames += 1
 
     def _control(self, now_ms: int) -> None:

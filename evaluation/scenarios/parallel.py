@@ -26,22 +26,33 @@ class EpisodeTask:
 
     Attributes:
         out: folder for its picture, None for none.
+        video: whether a film of it goes there, too.
     """
 
     scenario: str
     seed: int
     out: Path | None = None
+    video: bool = False
+
+    @property
+    def name(self) -> str:
+        """For its files."""
+        return f"{self.scenario}-{self.seed}"
 
 
 Run = Callable[[EpisodeTask], EpisodeResult]
 
 
 def spread(
-    scenarios: Sequence[str], episodes: int, seed: int, out: Path | None
+    scenarios: Sequence[str],
+    episodes: int,
+    seed: int,
+    out: Path | None = None,
+    video: bool = False,
 ) -> list[EpisodeTask]:
     """The scenarios in turn, until there are enough; each round has the next seed."""
     return [
-        EpisodeTask(scenarios[index % len(scenarios)], seed + index // len(scenarios), out)
+        EpisodeTask(scenarios[index % len(scenarios)], seed + index // len(scenarios), out, video)
         for index in range(episodes)
     ]
 

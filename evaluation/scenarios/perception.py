@@ -1,13 +1,18 @@
-"""From the world to tracks: with simulated boxes, or with rendered pixels and the detector."""
+"""From the world to tracks, with the simulator's own boxes in place of pixels and detector."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
+from services.simulator.boxes import SimulatedDetector
+
 from schemas import CameraInfo, FrameId, Tracks
 from services.simulator.state import CameraMount
+from services.simulator.world import World
+from services.tracker.core import Tracker
+from services.tracker.settings import TrackerSettings
 
-CAMERA = "front"
+STREAM = "front"
 
 
 class Perception(Protocol):
@@ -17,10 +22,23 @@ class Perception(Protocol):
         """The people in the picture that the camera takes of the world now."""
 
 
+class SimulatedBoxes:
+    """The simulator's own boxes, with a detector's errors, and the tracker core."""
+
+    def __init__(self, world: World, mount: CameraMount, tracker: TrackerSettings) -> None:
+        self._world = world
+        self._detector = SimulatedDetector(mount, world.seed)
+        self._tracker = Tracker(tracker)
+
+    def see(self, frame: FrameId) -> Tracks:
+        """Boxes to tracks."""
+        return self._tracker.update(self._detector.detect(self._world, frame))
+
+
 def camera_info(mount: CameraMount) -> CameraInfo:
     """What the simulated camera says of itself."""
     return CameraInfo(
-        stream=CAMERA,
+        stream=STREAM,
         epoch=1,
         width=mount.width_px,
         height=mount.height_px,

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from schemas.errors import SettingsError
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -58,8 +60,10 @@ def scenarios(
     from evaluation.scenarios.report import make_report, report_table, write_episodes
     from services.simulator.scenarios import SCENARIOS
 
-    settings = load_stack("simulated boxes" if boxes else "pixels", config, video)
-    tasks = spread(scenario or list(SCENARIOS), episodes, seed, out)
+    settings = load_stack("simulated boxes" if boxes else "pixels", config)
+    if video and out is None:
+        raise SettingsError("--video writes its films into a folder: give --out DIR, too")
+    tasks = spread(scenario or list(SCENARIOS), episodes, seed, out, video)
     started_s = time.monotonic()
     with _progress() as progress:
         bar = progress.add_task("episodes", total=len(tasks))
@@ -78,8 +82,13 @@ def scenarios(
 
 def _progress() -> Progress:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-    from rich.progress import TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
 
     console = Console(file=sys.stderr)
     return Progress(

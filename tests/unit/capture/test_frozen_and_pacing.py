@@ -7,7 +7,7 @@ import pytest
 
 from services.capture.backoff import Backoff
 from services.capture.frozen import RepeatWatch
-from services.capture.pacing import Pacer
+from services.runtime.pacing import Pacer
 
 A = np.zeros((48, 64, 3), np.uint8)
 B = A.copy()
