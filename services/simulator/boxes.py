@@ -167,15 +167,15 @@ class SimulatedDetector:
         """Boxes cut at the picture's border, and which of them are worth reporting."""
         mount = self._mount
         size = np.array([mount.width_px, mount.height_px] * 2, np.float64)
-        clipped: Array = np.minimum(np.maximum(boxes, 0.0), size)
+        clipped = np.minimum(np.maximum(boxes, 0.0), size)
         width, height = clipped[:, 2] - clipped[:, 0], clipped[:, 3] - clipped[:, 1]
-        return clipped, (width > 4.0) & (height > 12.0)
+        return clipped, np.asarray((width > 4.0) & (height > 12.0))
 
 
 def _seen_extent(sight: Sight) -> Array:
     """Boxes (N, 4) of people, shrunk to what is left of them where something hides the rest."""
     open_cells = sight.hidden_by < 0
-    rows, columns = open_cells.any(2), open_cells.any(1)
+    rows, columns = np.asarray(open_cells.any(2)), np.asarray(open_cells.any(1))
     box = sight.box_xyxy
     width, height = box[:, 2] - box[:, 0], box[:, 3] - box[:, 1]
     left, right = columns.argmax(1) / COLUMNS, columns[:, ::-1].argmax(1) / COLUMNS
