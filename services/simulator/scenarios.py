@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from schemas import HeelError
+from services.simulator.errors import SimulatorError
 from services.simulator.script import Scenario
 from services.simulator.stage import WALL_HEIGHT_M, WALL_M, Place, Stage
 from services.simulator.state import Role
@@ -16,18 +16,14 @@ from services.simulator.walks import Crossing, Leg, Walk
 from services.simulator.world import World
 
 
-class UnknownScenarioError(HeelError):
-    """A name that no scenario has."""
-
-
 def scenario(name: str, seed: int) -> World:
     """A world at the start of an episode.
 
     Raises:
-        UnknownScenarioError: no such name.
+        SimulatorError: no such name.
     """
     if name not in SCENARIOS:
-        raise UnknownScenarioError(f"no scenario {name!r}: choose one of {', '.join(SCENARIOS)}")
+        raise SimulatorError(f"no scenario {name!r}: choose one of {', '.join(SCENARIOS)}")
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
     script = SCENARIOS[name](Stage(rng), name)
     return World(script, seed)
