@@ -23,7 +23,7 @@ class DriveSettings(StrictSettings):
         0.5, gt=0, le=2, description="zero velocity so long after the last command, or after the "
         "command's own ttl where that is shorter"
     )  # fmt: skip
-    max_linear_mps: float = Field(1.0, ge=0, le=5, description="speed limit, forward")
+    max_linear_mps: float = Field(1.8, ge=0, le=5, description="speed limit, forward")
     max_reverse_mps: float = Field(0.3, ge=0, le=5, description="speed limit, backward")
     max_angular_radps: float = Field(1.5, ge=0, le=10, description="turn rate limit")
     max_linear_mps2: float = Field(
