@@ -119,7 +119,7 @@ class SimulatedDetector:
         scenery = self._scenery = world.scenery
         count = len(world.people)
         self._solids = Solids(scenery.obstacles)
-        self._patches = Patches(scenery.floor, scenery.indoors, scenery.obstacles, self._pixel_rng)
+        self._patches = Patches(scenery, world.people, self._pixel_rng)
         self._alarms = FalseAlarms(
             scenery.obstacles, self._errors.false_hz, self._errors.false_s, self._alarm_rng
         )

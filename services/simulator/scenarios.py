@@ -273,6 +273,6 @@ def _crossers(stage: Stage, way: list[Place], roles: list[Role]) -> None:
         x_m, y_m = place.tolist()
         start_x, start_y = (place + stage.uniform(2.5, 4.0) * across).tolist()
         end_x, end_y = (place - stage.uniform(4.0, 5.0) * across).tolist()
-        legs = Crossing(x_m, y_m, stage.uniform(0.55, 0.7)), Leg(end_x, end_y)
+        legs = Crossing(x_m, y_m, stage.uniform(0.5, 0.6)), Leg(end_x, end_y)
         facing = math.atan2(-float(across[1]), -float(across[0]))
         stage.add(role, start_x, start_y, facing, Walk(stage.uniform(1.0, 1.3), legs))
