@@ -63,20 +63,22 @@ def _stands_still(stage: Stage, name: str) -> Scenario:
 
 
 def _pillar(stage: Stage, name: str) -> Scenario:
-    """Turns round the end of a broad pillar beside the way, stays 3 s, and steps out again.
+    """Turns round the end of a broad pillar beside the way, out of view for 3 s, and steps out.
 
     Turned round, because who follows closely sees round a corner that is only turned at.
     """
     speed = stage.uniform(0.7, 1.0)
     length, depth = stage.uniform(2.2, 2.8), stage.uniform(0.5, 0.8)
-    end_m, beside_m = stage.uniform(7.0, 11.0), stage.uniform(0.6, 0.75)
+    end_m, beside_m = stage.uniform(7.0, 11.0), stage.uniform(0.8, 0.95)
     behind = -beside_m - depth
     out = end_m + stage.uniform(2.6, 3.4), 0.0
     legs = (
         Leg(end_m + 0.2, 0.0),
         Leg(end_m + 0.4, -beside_m - depth / 2),
-        Leg(end_m - 0.45 * length, behind - 0.5, hidden_s=3.0),
-        Leg(end_m + 0.5, behind - 0.3),
+        Leg(end_m - 0.3 * length, behind - 0.45, hidden_s=2.0),
+        # Comes out near enough that who waits need not drive before the way is clear.
+        Leg(end_m + 0.5, behind - 0.2),
+        Leg(end_m + 0.8, -0.1),
         Leg(*out),
         *(Leg(*point) for point in _gentle(stage, speed * stage.uniform(14, 22), out)),
     )
@@ -96,7 +98,7 @@ def _doorway(stage: Stage, name: str) -> Scenario:
     legs = (
         Leg(door_m - 0.1, 0.0),
         Leg(door_m, inside),
-        Leg(door_m - half_door - 1.2, inside, hidden_s=10.0),
+        Leg(door_m - half_door - 1.2, inside, hidden_s=9.5),
         Leg(door_m + 0.3, inside),
         Leg(door_m + 0.5, wall_m + 0.4),
         Leg(*out),
@@ -271,6 +273,6 @@ def _crossers(stage: Stage, way: list[Place], roles: list[Role]) -> None:
         x_m, y_m = place.tolist()
         start_x, start_y = (place + stage.uniform(2.5, 4.0) * across).tolist()
         end_x, end_y = (place - stage.uniform(4.0, 5.0) * across).tolist()
-        legs = Crossing(x_m, y_m, stage.uniform(0.55, 0.7)), Leg(end_x, end_y)
+        legs = Crossing(x_m, y_m, stage.uniform(0.5, 0.6)), Leg(end_x, end_y)
         facing = math.atan2(-float(across[1]), -float(across[0]))
         stage.add(role, start_x, start_y, facing, Walk(stage.uniform(1.0, 1.3), legs))
