@@ -199,7 +199,7 @@ class Follower:
         self._search = Search(pose, expected, side, self.settings.search_sweep_rad)
 
     def _drive(self, now_s: float, dt_s: float) -> tuple[float, float]:
-        """Velocity of the present state: only three of them move, `following` alone forward."""
+        """Velocity of the present state: only three of them move, and `searching` on the spot."""
         if self._name == "searching" and self._search is not None:
             bearing_rad = self._search.bearing_rad(self._motion.pose_soon())
             rate = self._controller.turn_to(bearing_rad, self.settings.search_radps)
@@ -207,13 +207,14 @@ class Follower:
         if self._name not in ("following", "occluded"):
             return self._controller.stop()
         goal = self._goal(now_s + self.settings.robot_delay_s)
-        if self._name == "occluded":
+        if self._name == "occluded" and now_s - self._seen_s > self.settings.coast_s:
             rate = self._controller.turn_to(goal.bearing_rad, self.settings.search_radps)
             return self._controller.brake_and_turn(rate, dt_s)
         ahead_m, behind_m = self._surroundings.room_m(
             self._people, self._motion.pose, now_s, self.state.angular_radps
         )
-        return self._controller.follow(goal, ahead_m, behind_m, dt_s)
+        seen = self._name == "following"
+        return self._controller.follow(goal, ahead_m, behind_m, dt_s, seen)
 
     def _goal(self, t_s: float) -> Goal:
         """The chosen person as seen when what is told now takes effect."""
