@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from services.commands.calibrate import calibrate
 from services.commands.control import follow, resume, status, stop
 from services.commands.demo import demo
 from services.commands.run import run
@@ -20,6 +21,7 @@ def register_tools(app: typer.Typer) -> None:
     app.command("eval")(score)
     app.command("track-detections")(track_detections)
     app.command()(scenarios)
+    app.command()(calibrate)
     app.command()(follow)
     app.command()(stop)
     app.command()(resume)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from schemas import Ranges
 
 _LOOK_AHEAD_S = (0.25, 0.5, 0.75, 1.0)
+_BESIDE_RAD = math.pi / 3
 _PEOPLE_STOP_MPS2 = 3.0
 """How hard somebody who walks can brake."""
 
@@ -32,15 +33,17 @@ def free_distance_m(ranges: Ranges, body: Body, direction_rad: float = 0.0) -> f
     """
     free_m = math.inf
     covered = False
-    half_width_m = body.radius_m + body.margin_m
     for sector in ranges.sectors:
         off_rad = abs(math.remainder(sector.bearing_rad - direction_rad, 2 * math.pi))
         nearest_rad = max(0.0, off_rad - sector.width_rad / 2)
         covered = covered or nearest_rad == 0.0
+        # A wall close beside must not hold up a robot that drives along it.
+        margin_m = body.margin_m if nearest_rad < _BESIDE_RAD else 0.0
+        space_m = body.radius_m + margin_m
         beside_m = sector.distance_m * math.sin(min(nearest_rad, math.pi / 2))
-        if nearest_rad < math.pi / 2 and beside_m < half_width_m:
+        if nearest_rad < math.pi / 2 and beside_m < space_m:
             along_m = sector.distance_m * math.cos(nearest_rad)
-            free_m = min(free_m, along_m - half_width_m)
+            free_m = min(free_m, along_m - math.sqrt(space_m**2 - beside_m**2))
     return max(0.0, free_m) if covered else None
 
 
