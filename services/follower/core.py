@@ -93,6 +93,7 @@ class Follower:
             now_s: time of arrival, on the clock of `step`.
         """
         self._surroundings.observe(ranges, now_s)
+        self._people.observe(ranges, now_s)
 
     def observe_odometry(self, odometry: Odometry, now_s: float) -> None:
         """Take the robot's own motion; without it the commands stand for it.
