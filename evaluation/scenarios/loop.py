@@ -22,7 +22,7 @@ CONTROL_MS = 20
 """Follower and drive both run at 50 Hz, as their processes do."""
 TRACKS_AGE_MS = 60
 """From acquisition to the follower's having the tracks."""
-RANGES_MS = 50
+RANGES_MS = 60
 _TRACKER = "tracker/main@00000000"
 _FOLLOWER = "follower/main@00000000"
 
