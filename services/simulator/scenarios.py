@@ -102,7 +102,8 @@ def _doorway(stage: Stage, name: str) -> Scenario:
         Leg(door_m + 0.3, inside),
         Leg(door_m + 0.5, wall_m + 0.4),
         Leg(*out),
-        *(Leg(*point) for point in _gentle(stage, speed * stage.uniform(8, 16), out)),
+        # On along the wall or away from it, never through.
+        *(Leg(x, abs(y)) for x, y in _gentle(stage, speed * stage.uniform(8, 16), out)),
     )
     _start(stage, speed, legs)
     x0, _, x1, y1 = stage.extent(stage.uniform(2.0, 3.0))
