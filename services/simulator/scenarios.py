@@ -74,8 +74,8 @@ def _pillar(stage: Stage, name: str) -> Scenario:
     out = end_m + stage.uniform(2.6, 3.4), 0.0
     legs = (
         Leg(end_m + 0.2, 0.0),
-        Leg(end_m + 0.4, -beside_m - depth / 2),
-        Leg(end_m - 0.3 * length, behind - 0.45, hidden_s=2.0),
+        Leg(end_m + 0.5, behind - 0.3),
+        Leg(end_m - 0.3 * length, behind - 0.5, hidden_s=2.3),
         # Comes out near enough that who waits need not drive before the way is clear.
         Leg(end_m + 0.5, behind - 0.2),
         Leg(end_m + 0.8, -0.1),
