@@ -135,9 +135,9 @@ class SimulatedDetector:
         self._burst_on(quality, chance[0], dt_s)
         memory = self._errors.jitter_memory
         self._error = memory * self._error + np.sqrt(1.0 - memory**2) * wobble[:5].T
-        missed = np.where(self._burst, 0.9, 1.0 - (1.0 - self._errors.miss) * quality)
+        likely = (1.0 - self._errors.miss) * quality * np.where(self._burst, 0.1, 1.0)
         boxes, large = self._clip(self._jittered(sight))
-        found = np.flatnonzero((chance[1] >= missed) & large & sight.in_front)
+        found = np.flatnonzero((chance[1] < likely) & large & sight.in_front)
         found = _suppress(found, boxes, sight.depth_m)
         scores = np.clip(0.3 + 0.62 * quality + 0.06 * wobble[5], 0.05, 0.99)
         return found, boxes[found], scores[found]
