@@ -113,7 +113,7 @@ class CaptureService:
         started_ns = time.monotonic_ns()
         acquired_ns = frame.acquired_ns or started_ns
         now_ns = time.monotonic_ns()
-        # A frozen camera goes stale for everybody behind, and the robot stops.
+        # A frozen or covered camera goes stale for everybody behind, and the robot stops.
         age_ns = 0 if self._lossless else max(0, now_ns - (frame.new_ns or acquired_ns))
         t_capture_ns = (
             round(frame.media_time_s * 1e9)

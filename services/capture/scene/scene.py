@@ -22,13 +22,19 @@ from services.capture.scene.walks import (
     CROSSING,
     DEMO,
     OUTSIDE,
+    PACING,
     Path,
     Walk,
     choose_walks,
     duration_s,
 )
 
-_SCRIPTS: dict[str, tuple[Walk, ...]] = {"demo": DEMO, "crossing": CROSSING, "empty": ()}
+_SCRIPTS: dict[str, tuple[Walk, ...]] = {
+    "demo": DEMO,
+    "crossing": CROSSING,
+    "pacing": PACING,
+    "empty": (),
+}
 _NOISE_MARGIN_PX = 64
 _GOLDEN = 2654435769
 """2**32 divided by the golden ratio (Knuth, TAOCP 3, 6.4): multiples of it spread evenly."""

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-SceneName = Literal["demo", "crossing", "empty"]
+SceneName = Literal["demo", "crossing", "pacing", "empty"]
 
 
 class SceneSettings(BaseModel):
