@@ -30,7 +30,7 @@ from schemas.errors import HeelError, SettingsError
 from services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-_WATCH_S = 1.0
+_WATCH_S = 0.6
 """How long the robot has to go on standing for the stop to count."""
 _NEVER_S = 5.0
 _ATTEMPTS = 5

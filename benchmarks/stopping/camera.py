@@ -21,7 +21,7 @@ _QUIET_FRAMES = 50
 
 
 def _drawn(name: SceneName, frames: int | None = None) -> list[bytes]:
-    scene = Scene(SceneSettings(name=name, fps=FPS, frames=frames, **_SIZE))
+    scene = Scene(SceneSettings(name=name, fps=FPS, frames=frames, shadows=False, **_SIZE))
     return [_jpeg(scene.frame(index)) for index in range(scene.frame_count)]
 
 

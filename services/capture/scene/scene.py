@@ -85,7 +85,8 @@ class Scene:
         """Frame `index` >= 0, a new (H, W, 3) uint8 BGR array."""
         bodies = self._bodies(index)
         image = self._background.copy()
-        paint_shadows(image, [body for _, body in bodies], self._camera)
+        if self.settings.shadows:
+            paint_shadows(image, [body for _, body in bodies], self._camera)
         waiting = list(self._occluders)
         for person, body in bodies:
             while waiting and waiting[0].z_m > body.stance.z_m:
