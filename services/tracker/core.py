@@ -19,6 +19,7 @@ class Tracker:
     Usage:
         tracker = Tracker(TrackerSettings())
         tracks = tracker.update(blobs)
+        tracker.settle()  # once the tracks are on their way
     """
 
     def __init__(self, settings: TrackerSettings) -> None:
@@ -44,6 +45,15 @@ class Tracker:
             self._method = self._started(self._method.next_id)
         dt_s = self._clock.elapsed_s(blobs.t_capture_ns)
         return _message(blobs, self._tracks(blobs, evidence, dt_s))
+
+    def settle(self) -> None:
+        """Do now what the next `update` would do first; the result is the same either way.
+
+        Called after the tracks are sent, it spares the frame the 20 to 50 ms of a fit of the
+        scene's scale, and works while the next frame is captured and detected.
+        """
+        if isinstance(self._method, FittedTracker):
+            self._method.settle()
 
     def _started(self, next_id: int) -> BlobTracker | FittedTracker:
         if self.settings.preset == "paper":
