@@ -6,6 +6,7 @@ import threading
 import time
 
 import zenoh
+from zenoh.shm import ZShmMut
 
 from schemas import EndOfStream, Message, Stamp, encode
 from schemas.base import MAX_AGE_NS
@@ -40,7 +41,7 @@ class StreamPublisher:
         stamp = Stamp(producer=self._producer, t_sent_ns=time.time_ns(), age_ns=age_ns)
         self.send_bytes(encode(message), message.encoding(), encode(stamp))
 
-    def send_bytes(self, payload: bytes, encoding: str, attachment: bytes) -> None:
+    def send_bytes(self, payload: bytes | ZShmMut, encoding: str, attachment: bytes) -> None:
         """Send bytes that are coded already."""
         self._publisher.put(payload, encoding=encoding, attachment=attachment)
 
