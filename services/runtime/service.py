@@ -181,6 +181,7 @@ def _serve(
         inbox = stack.enter_context(Inbox(session))
 
         def announce() -> None:
+            process.spare_from_collection()
             token = session.liveliness().declare_token(keys.alive(name, settings.instance))
             stack.callback(token.undeclare)
             log.info("%s is up", producer)
