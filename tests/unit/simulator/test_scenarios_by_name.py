@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import colorsys
 import functools
+import itertools
 import math
 
 import numpy as np
@@ -45,6 +46,8 @@ def test_the_target_begins_ahead_within_view_and_nobody_is_nearer(name: str, see
     assert sum(person.role == "target" for person in it.people) == 1
     others = [p for p in it.people if p.role != "target"]
     assert all(math.hypot(p.x_m - robot.x_m, p.y_m - robot.y_m) > away + 1.0 for p in others)
+    for one, other in itertools.combinations(it.people, 2):
+        assert math.hypot(one.x_m - other.x_m, one.y_m - other.y_m) > 0.5
     x0, y0, x1, y1 = it.scenery.bounds_m
     assert all(x0 < p.x_m < x1 and y0 < p.y_m < y1 for p in (*it.people, robot))
 
