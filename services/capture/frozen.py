@@ -1,15 +1,20 @@
-"""Tells a frozen camera, which repeats the same bytes, from a still scene, which has noise."""
+"""Tells a camera that shows nothing new from a still scene, which has contrast and noise."""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 _ROW_STRIDE = 16
+_BLANK_DEVIATION = 5.0
+"""8-bit levels. A covered lens deviates by its noise, 1 to 4; a dim street by 20 and more."""
 
 
-class RepeatWatch:
-    """Says for every frame for how long a camera has shown the very same bytes.
+class NewsWatch:
+    """Says for every frame since when a camera has shown nothing new.
+
+    Nothing new is the very same bytes again, or a picture without contrast: black, white, covered.
 
     Comparing beats hashing: with sensor noise one row in sixteen already differs (0.02 ms for
     768x576, zlib.crc32 takes 0.32 ms), and where it does not, the full comparison is exact.
@@ -27,9 +32,9 @@ class RepeatWatch:
             now_ns: when it was acquired, on any clock that does not go back.
 
         Returns:
-            When these bytes came first, on the same clock; `now_ns` if they differ from the last.
+            When the last new picture came, on the same clock; `now_ns` if this one is new.
         """
-        if self._image is None or not _same_bytes(image, self._image):
+        if self._image is None or not (_blank(image) or _same_bytes(image, self._image)):
             self._image, self._since_ns = image, now_ns
         return self._since_ns
 
@@ -40,3 +45,9 @@ class RepeatWatch:
 
 def _same_bytes(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> bool:
     return np.array_equal(a[::_ROW_STRIDE], b[::_ROW_STRIDE]) and np.array_equal(a, b)
+
+
+def _blank(image: NDArray[np.uint8]) -> bool:
+    """0.02 ms for 768x576."""
+    _, deviation = cv2.meanStdDev(image[::_ROW_STRIDE])
+    return float(deviation.max()) < _BLANK_DEVIATION

@@ -104,8 +104,8 @@ class Patches:
         background = np.where(y > _HORIZON, _FLOOR, _WALL)
         show = np.where(body, part[:, :, None], background[:, :, None])
         index = np.arange(len(found))[:, None, None]
-        row = np.clip((y * ROWS).astype(np.intp), 0, ROWS - 1)
-        column = np.clip((x * COLUMNS).astype(np.intp), 0, COLUMNS - 1)
+        row = _cell(y, ROWS)
+        column = _cell(x, COLUMNS)
         hidden = sight.hidden_by[found][index, row[:, :, None], column[:, None, :]] >= 0
         other = np.where(y > 0.5, _OTHER_LEGS, _OTHER_TOP)
         show = np.where(hidden, other[:, :, None], show)
@@ -156,6 +156,11 @@ def _cells(boxes: Array, true: Array) -> tuple[Array, Array]:
     x = (x_px - true[:, 0, None]) / (true[:, 2] - true[:, 0])[:, None]
     y = (y_px - true[:, 1, None]) / (true[:, 3] - true[:, 1])[:, None]
     return x, y
+
+
+def _cell(share: Array, cells: int) -> Index:
+    """Which of so many cells a share of the box is in; what is beside the box, in the outermost."""
+    return np.minimum(np.maximum((share * cells).astype(np.intp), 0), cells - 1)
 
 
 def _body(true: Array, stride_rad: Array, x: Array, y: Array) -> tuple[Index, NDArray[np.bool_]]:

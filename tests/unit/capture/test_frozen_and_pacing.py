@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from services.capture.backoff import Backoff
-from services.capture.frozen import RepeatWatch
+from services.capture.frozen import NewsWatch
 from services.runtime.pacing import Pacer
 
-A = np.zeros((48, 64, 3), np.uint8)
+A = np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8)
 B = A.copy()
-B[5, 7, 1] = 1
+B[5, 7, 1] ^= 1
 """Differs in one sample of a row that the quick comparison does not look at."""
 
 
@@ -31,12 +31,23 @@ def test_the_same_bytes_keep_the_time_at_which_they_came_first(
     frames: list[tuple[np.ndarray[tuple[int, int, int], np.dtype[np.uint8]], int]],
     first_came_at: list[int],
 ) -> None:
-    watch = RepeatWatch()
+    watch = NewsWatch()
     assert [watch.update(image, now_ns) for image, now_ns in frames] == first_came_at
 
 
+@pytest.mark.parametrize("level", [0, 128, 255])
+def test_a_picture_without_contrast_is_nothing_new_whatever_its_noise(level: int) -> None:
+    rng = np.random.default_rng(2)
+    watch = NewsWatch()
+    watch.update(A, 0)
+    for now_ns in (40, 80):
+        noisy = np.clip(level + rng.normal(0.0, 3.0, A.shape), 0, 255).astype(np.uint8)
+        assert watch.update(noisy, now_ns) == 0
+    assert watch.update(B, 120) == 120
+
+
 def test_a_reset_starts_the_count_anew() -> None:
-    watch = RepeatWatch()
+    watch = NewsWatch()
     watch.update(A, 0)
     watch.reset()
     assert watch.update(A, 300) == 300
