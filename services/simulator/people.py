@@ -21,7 +21,7 @@ from services.simulator.walks import Situation, Walker
 Array = NDArray[np.float64]
 
 _HORIZON_S = 2.0
-_PERSON_MARGIN_M = 0.5
+_PERSON_MARGIN_M = 0.35
 _ROBOT_MARGIN_M = 1.1
 _WALL_MARGIN_M = 0.35
 _AVOID_MPS = 1.2
@@ -41,7 +41,6 @@ class Crowd:
         velocity: (N, 2) metres per second.
         heading_rad: (N,).
         stride_rad: (N,) phase of the walking cycle, 2 pi a double step.
-        walked_m: (N,) since the start.
     """
 
     def __init__(self, people: tuple[Actor, ...], solids: Solids) -> None:
@@ -55,7 +54,6 @@ class Crowd:
         self.velocity: Array = np.zeros_like(self.place)
         self.heading_rad: Array = np.array([actor.heading_rad for actor in people])
         self.stride_rad: Array = np.array([actor.stride_rad for actor in people])
-        self.walked_m: Array = np.zeros(len(people))
 
     @property
     def finished(self) -> bool:
@@ -84,10 +82,8 @@ class Crowd:
         situation = Situation(
             t_s=t_s,
             dt_s=dt_s,
-            robot=(robot.x_m, robot.y_m),
             target=(target_x, target_y),
             target_velocity=(velocity_x, velocity_y),
-            target_walked_m=float(self.walked_m[self._target]),
             is_hidden=lambda x_m, y_m: self._is_hidden(robot, x_m, y_m),
         )
         places = self.place.tolist()
@@ -168,7 +164,6 @@ class Crowd:
         return np.asarray(centre + offset * factor[:, None], np.float64)
 
     def _stride(self, dt_s: float, step_m: Array) -> None:
-        self.walked_m = self.walked_m + step_m
         self.stride_rad = self.stride_rad + 2 * math.pi * step_m / (
             _STRIDE_PER_HEIGHT * self.height_m
         )

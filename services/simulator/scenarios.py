@@ -8,26 +8,22 @@ from collections.abc import Callable
 
 import numpy as np
 
-from schemas import HeelError
+from services.simulator.errors import SimulatorError
 from services.simulator.script import Scenario
-from services.simulator.stage import Place, Stage
+from services.simulator.stage import WALL_HEIGHT_M, WALL_M, Place, Stage
 from services.simulator.state import Role
 from services.simulator.walks import Crossing, Leg, Walk
 from services.simulator.world import World
-
-
-class UnknownScenarioError(HeelError):
-    """A name that no scenario has."""
 
 
 def scenario(name: str, seed: int) -> World:
     """A world at the start of an episode.
 
     Raises:
-        UnknownScenarioError: no such name.
+        SimulatorError: no such name.
     """
     if name not in SCENARIOS:
-        raise UnknownScenarioError(f"no scenario {name!r}: choose one of {', '.join(SCENARIOS)}")
+        raise SimulatorError(f"no scenario {name!r}: choose one of {', '.join(SCENARIOS)}")
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
     script = SCENARIOS[name](Stage(rng), name)
     return World(script, seed)
@@ -67,45 +63,51 @@ def _stands_still(stage: Stage, name: str) -> Scenario:
 
 
 def _pillar(stage: Stage, name: str) -> Scenario:
-    """Steps behind a broad pillar beside the way, stays 3 s, and steps out on the same side."""
+    """Turns round the end of a broad pillar beside the way, stays 3 s, and steps out again.
+
+    Turned round, because who follows closely sees round a corner that is only turned at.
+    """
     speed = stage.uniform(0.7, 1.0)
-    depth, breadth = stage.uniform(0.5, 0.8), stage.uniform(2.0, 2.6)
-    pillar_m, beside_m = stage.uniform(6.0, 10.0), stage.uniform(0.7, 0.9)
-    behind_m = pillar_m + depth / 2
-    middle = -beside_m - breadth / 2
-    out = behind_m + stage.uniform(2.4, 3.0), 0.3
-    onward = _gentle(stage, speed * stage.uniform(14, 22), out)
+    length, depth = stage.uniform(2.2, 2.8), stage.uniform(0.5, 0.8)
+    end_m, beside_m = stage.uniform(7.0, 11.0), stage.uniform(0.6, 0.75)
+    behind = -beside_m - depth
+    out = end_m + stage.uniform(2.6, 3.4), 0.0
     legs = (
-        Leg(behind_m + 0.35, 0.05),
-        Leg(behind_m + 0.6, middle, hidden_s=3.0),
+        Leg(end_m + 0.2, 0.0),
+        Leg(end_m + 0.4, -beside_m - depth / 2),
+        Leg(end_m - 0.45 * length, behind - 0.5, hidden_s=3.0),
+        Leg(end_m + 0.5, behind - 0.3),
         Leg(*out),
-        *(Leg(*point) for point in onward),
+        *(Leg(*point) for point in _gentle(stage, speed * stage.uniform(14, 22), out)),
     )
     _start(stage, speed, legs)
-    stage.put("pillar", (pillar_m, middle), (depth, breadth, 2.6))
+    middle = end_m - length / 2, -beside_m - depth / 2
+    stage.put("pillar", middle, (length, depth, WALL_HEIGHT_M))
     return stage.finish(name, *stage.surround())
 
 
 def _doorway(stage: Stage, name: str) -> Scenario:
-    """Goes into the next room and aside, waits 10 s out of view, and shows up again."""
+    """Turns aside through a door, stays out of view behind the wall for 10 s, and comes back."""
     speed = stage.uniform(0.7, 1.0)
-    wall_m, half_door = stage.uniform(6.0, 9.0), stage.uniform(0.65, 0.8)
-    aside = stage.uniform(2.3, 2.8)
-    again = wall_m + stage.uniform(2.6, 3.2), 0.0
-    straight_on = again[0] + stage.uniform(3.0, 4.0), 0.0
-    onward = _gentle(stage, speed * stage.uniform(8, 16), straight_on)
+    door_m, half_door = stage.uniform(7.0, 10.0), stage.uniform(0.75, 0.9)
+    wall_m, room_m = -stage.uniform(0.9, 1.1), stage.uniform(4.0, 6.0)
+    inside = wall_m - WALL_M / 2 - 0.5
+    out = door_m + stage.uniform(2.0, 2.6), 0.0
     legs = (
-        Leg(wall_m + 0.55, 0.0),
-        Leg(wall_m + 0.7, aside, hidden_s=10.0),
-        Leg(*again, pause_s=2.0),
-        Leg(*straight_on),
-        *(Leg(*point) for point in onward),
+        Leg(door_m - 0.1, 0.0),
+        Leg(door_m, inside),
+        Leg(door_m - half_door - 1.2, inside, hidden_s=10.0),
+        Leg(door_m + 0.3, inside),
+        Leg(door_m + 0.5, wall_m + 0.4),
+        Leg(*out),
+        *(Leg(*point) for point in _gentle(stage, speed * stage.uniform(8, 16), out)),
     )
     _start(stage, speed, legs)
-    bounds = stage.extent(stage.uniform(2.0, 3.0))
+    x0, _, x1, y1 = stage.extent(stage.uniform(2.0, 3.0))
+    bounds = x0, wall_m - room_m, x1, y1
     stage.walls_around(bounds)
-    stage.wall((wall_m, bounds[1]), (wall_m, -half_door - 0.1))
-    stage.wall((wall_m, half_door + 0.1), (wall_m, bounds[3]))
+    stage.wall((x0, wall_m), (door_m - half_door - WALL_M / 2, wall_m))
+    stage.wall((door_m + half_door + WALL_M / 2, wall_m), (x1, wall_m))
     stage.furnish(bounds, int(stage.rng.integers(3, 9)))
     return stage.finish(name, bounds, True)
 
@@ -115,7 +117,7 @@ def _distractors(count: int) -> Callable[[Stage, str], Scenario]:
         speed = stage.uniform(0.7, 1.1)
         way = _gentle(stage, speed * stage.uniform(30, 42))
         _send(stage, speed, way)
-        _crossers(stage, speed, way, ["other"] * count)
+        _crossers(stage, way, ["other"] * count)
         return stage.finish(name, *stage.surround())
 
     return make
@@ -128,7 +130,7 @@ def _twin(stage: Stage, name: str) -> Scenario:
     _send(stage, speed, way)
     if stage.rng.random() < 0.6:
         others: list[Role] = ["other"] * int(stage.rng.integers(0, 2))
-        _crossers(stage, speed, way, ["twin", *others])
+        _crossers(stage, way, ["twin", *others])
     else:
         side, pace = stage.uniform(1.3, 1.8) * _sign(stage), stage.uniform(0.8, 1.2)
         back = [(x_m, y_m + side) for x_m, y_m in reversed([(0.0, 0.0), *way])]
@@ -256,26 +258,19 @@ def _bystanders(stage: Stage, count: int) -> None:
         stage.add("other", x_m, y_m, stage.uniform(-math.pi, math.pi), walk)
 
 
-def _crossers(stage: Stage, target_mps: float, way: list[Place], roles: list[Role]) -> None:
-    """People beside the way who set off so as to pass just behind the target, one by one."""
+def _crossers(stage: Stage, way: list[Place], roles: list[Role]) -> None:
+    """People beside the way who cross it just behind the target, one by one."""
     points = np.array([(0.0, 0.0), *way])
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    arcs = np.concatenate([[0.0], np.cumsum(steps)])
-    first, last = 6.0, float(arcs[-1]) - 4.0
-    for index, role in enumerate(roles):
-        arc = first + (last - first) * (index + stage.uniform(0.2, 0.8)) / len(roles)
-        leg = int(np.searchsorted(arcs, arc)) - 1
-        along = (points[leg + 1] - points[leg]) / steps[leg]
-        x_m, y_m = (points[leg] + (arc - arcs[leg]) * along).tolist()
-        side, off_m = _sign(stage), stage.uniform(3.0, 4.0)
-        across = -side * float(along[1]), side * float(along[0])
-        pace, beyond_m = stage.uniform(1.0, 1.3), stage.uniform(4.0, 5.0)
-        legs = (
-            Crossing(stage.uniform(0.55, 0.7)),
-            Leg(x_m - beyond_m * across[0], y_m - beyond_m * across[1]),
-        )
-        # Half a second goes into getting up to speed.
-        cue = max(arc + 0.6 - target_mps * (off_m / pace + 0.5), 0.1)
-        start = x_m + off_m * across[0], y_m + off_m * across[1]
-        facing = math.atan2(-across[1], -across[0])
-        stage.add(role, *start, facing, Walk(pace, legs, cue_m=cue))
+    steps = np.diff(points, axis=0)
+    # Not on the first leg, and not near corners, which people round off.
+    share = (np.arange(len(roles)) + stage.rng.uniform(0.2, 0.8, len(roles))) / len(roles)
+    for role, leg in zip(roles, (1 + share * (len(steps) - 2)).tolist(), strict=True):
+        place = points[int(leg)] + stage.uniform(0.35, 0.65) * steps[int(leg)]
+        along = steps[int(leg)] / np.hypot(*steps[int(leg)])
+        across = _sign(stage) * np.array([-along[1], along[0]])
+        x_m, y_m = place.tolist()
+        start_x, start_y = (place + stage.uniform(2.5, 4.0) * across).tolist()
+        end_x, end_y = (place - stage.uniform(4.0, 5.0) * across).tolist()
+        legs = Crossing(x_m, y_m, stage.uniform(0.55, 0.7)), Leg(end_x, end_y)
+        facing = math.atan2(-float(across[1]), -float(across[0]))
+        stage.add(role, start_x, start_y, facing, Walk(stage.uniform(1.0, 1.3), legs))

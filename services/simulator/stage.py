@@ -239,7 +239,5 @@ class _Turn:
         return replace(thing, x_m=x_m, y_m=y_m, heading_rad=heading, walk=walk)
 
     def _leg(self, leg: Leg | Crossing) -> Leg | Crossing:
-        if isinstance(leg, Crossing):
-            return leg
         x_m, y_m = self.place(leg.x_m, leg.y_m)
         return replace(leg, x_m=x_m, y_m=y_m)

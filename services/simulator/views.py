@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.geometry.camera import GroundCamera, Pinhole
 from services.simulator.solids import Solids, cast_at_discs
-from services.simulator.state import CameraMount, WorldView
+from services.simulator.state import CameraMount, RobotState, WorldView
 
 Array = NDArray[np.float64]
 
@@ -31,41 +32,27 @@ class Sight:
     """Everybody as seen from the robot, in the order of `WorldView.people`.
 
     Attributes:
-        box_xyxy: (N, 4) pixels, unclipped and unoccluded; nonsense where not `in_front`.
+        box_xyxy: (N, 4) pixels, unclipped and unoccluded; 0 where not `in_front`.
         depth_m: (N,) along the optical axis.
         in_front: (N,) whether there is a box.
-        shown: (N, ROWS, COLUMNS) cells of the box that are in the picture and not hidden.
+        in_picture: (N, ROWS, COLUMNS) cells of the box within the picture.
         hidden_by: (N, ROWS, COLUMNS) what hides a cell: -1 nothing, 0 to N - 1 a person, from N
             on an obstacle.
-        visible: (N,) share of cells shown.
+        visible: (N,) share of cells that are in the picture and not hidden.
     """
 
     box_xyxy: Array
     depth_m: Array
     in_front: NDArray[np.bool_]
-    shown: NDArray[np.bool_]
+    in_picture: NDArray[np.bool_]
     hidden_by: NDArray[np.intp]
     visible: Array
 
 
-class Pinhole:
-    """Projects places around the robot into the picture of its camera."""
-
-    def __init__(self, mount: CameraMount) -> None:
-        self.focal_px = mount.width_px / 2 / math.tan(mount.horizontal_fov_rad / 2)
-        self._centre = mount.width_px / 2, mount.height_px / 2
-        self._height_m = mount.height_m
-        self._cosine, self._sine = math.cos(mount.pitch_rad), math.sin(mount.pitch_rad)
-
-    def project(
-        self, ahead_m: Array, left_m: Array, up_m: Array | float
-    ) -> tuple[Array, Array, Array]:
-        """Pixels x and y, and the depth; places are relative to the robot's centre on the floor."""
-        rise = up_m - self._height_m
-        depth = ahead_m * self._cosine - rise * self._sine
-        down = -ahead_m * self._sine - rise * self._cosine
-        scale = self.focal_px / np.maximum(depth, 1e-3)
-        return self._centre[0] - scale * left_m, self._centre[1] + scale * down, depth
+def lens(mount: CameraMount) -> GroundCamera:
+    """The camera's geometry."""
+    pinhole = Pinhole.from_fov(mount.width_px, mount.height_px, mount.horizontal_fov_rad)
+    return pinhole.mounted(mount.height_m, mount.pitch_rad)
 
 
 def look(world: WorldView, solids: Solids, mount: CameraMount) -> Sight:
@@ -74,30 +61,40 @@ def look(world: WorldView, solids: Solids, mount: CameraMount) -> Sight:
     table = np.array(
         [(p.x_m, p.y_m, p.heading_rad, p.speed_mps, p.stride_rad, p.height_m) for p in people]
     ).reshape(-1, 6)
+    place, height = table[:, :2], table[:, 5]
+    ground = to_robot(place, robot)
+    box, depth = _boxes(lens(mount), ground, table, robot.heading_rad)
+    in_front = (depth > NEAR_M) & np.isfinite(box).all(1)
+    box[~in_front] = 0.0
+    hidden_by = _hidden(world, solids, mount, place, height, box, depth)
+    in_picture = _in_picture(box, mount) & in_front[:, None, None]
+    visible = ((hidden_by < 0) & in_picture).mean((1, 2))
+    return Sight(box, depth, in_front, in_picture, hidden_by, visible)
+
+
+def to_robot(place: Array, robot: RobotState) -> Array:
+    """Places (N, 2) of the world as x ahead and y left of the robot."""
     cosine, sine = math.cos(robot.heading_rad), math.sin(robot.heading_rad)
-    x_m, y_m = table[:, 0] - robot.x_m, table[:, 1] - robot.y_m
-    ahead, left = cosine * x_m + sine * y_m, cosine * y_m - sine * x_m
-    height = table[:, 5]
-    box, depth = _boxes(Pinhole(mount), ahead, left, height, table, robot.heading_rad)
-    in_front = depth > NEAR_M
-    hidden_by = _hidden(world, solids, mount, table[:, :2], height, box, depth)
-    shown = (hidden_by < 0) & _in_picture(box, mount) & in_front[:, None, None]
-    return Sight(box, depth, in_front, shown, hidden_by, shown.mean((1, 2)))
+    offset = place - (robot.x_m, robot.y_m)
+    return np.stack(
+        [cosine * offset[:, 0] + sine * offset[:, 1], cosine * offset[:, 1] - sine * offset[:, 0]],
+        axis=-1,
+    )
 
 
 def _boxes(
-    camera: Pinhole, ahead: Array, left: Array, height: Array, table: Array, robot_heading: float
+    camera: GroundCamera, ground: Array, table: Array, robot_heading_rad: float
 ) -> tuple[Array, Array]:
-    """Boxes (N, 4) and depths (N,)."""
-    x_px, top, _ = camera.project(ahead, left, height)
-    _, bottom, _ = camera.project(ahead, left, 0.0)
-    _, _, depth = camera.project(ahead, left, height / 2)
-    view = np.arctan2(left, ahead) + robot_heading
+    """Boxes (N, 4) and depths (N,) of half their height."""
+    height = table[:, 5]
+    view = np.arctan2(ground[:, 1], ground[:, 0]) + robot_heading_rad
     swing = np.abs(np.sin(table[:, 4])) * np.minimum(table[:, 3], 1.0)
     sideways = np.abs(np.sin(table[:, 2] - view))
     width = height * (_WIDTH_PER_HEIGHT + _STEP_PER_HEIGHT * swing * sideways)
-    half = camera.focal_px * width / 2 / np.maximum(depth, NEAR_M)
-    return np.stack([x_px - half, top, x_px + half, bottom], -1), depth
+    below = camera.mount_height_m - height / 2
+    depth = ground[:, 0] * math.cos(camera.pitch_rad) + below * math.sin(camera.pitch_rad)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return camera.person_boxes(ground, height, width), depth
 
 
 def _in_picture(box: Array, mount: CameraMount) -> NDArray[np.bool_]:
@@ -123,7 +120,7 @@ def _hidden(
     origin = np.array([world.robot.x_m, world.robot.y_m])
     ray = place - origin
     # Cells across the box at the person's own distance, at right angles to the line of sight.
-    width_m = (box[:, 2] - box[:, 0]) / Pinhole(mount).focal_px * np.maximum(depth, NEAR_M)
+    width_m = (box[:, 2] - box[:, 0]) / lens(mount).focal_px * np.maximum(depth, NEAR_M)
     away_m = np.maximum(np.sqrt((ray * ray).sum(1)), 1e-6)
     aside = np.stack([ray[:, 1], -ray[:, 0]], -1) * (width_m / away_m)[:, None]
     rays = (ray[:, None] + aside[:, None] * _ACROSS[:, None]).reshape(-1, 2)

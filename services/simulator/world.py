@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas import (
-    HeelError,
     Odometry,
     Pose,
     Ranges,
@@ -18,6 +17,7 @@ from schemas import (
     SimTruth,
     SimWorld,
 )
+from services.simulator.errors import SimulatorError
 from services.simulator.people import Crowd
 from services.simulator.robot import Drivetrain, RobotBody, wrap
 from services.simulator.script import Scenario
@@ -31,10 +31,6 @@ Array = NDArray[np.float64]
 MAX_STEP_S = 0.1
 _APART_M = 0.05
 """A contact ends, and another can begin, with this much air between."""
-
-
-class SimulatorError(HeelError):
-    """A world that is asked for what it cannot do."""
 
 
 class World:
