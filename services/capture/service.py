@@ -114,9 +114,13 @@ class CaptureService:
     def _send(self, frame: Frame) -> None:
         started_ns = time.monotonic_ns()
         acquired_ns = frame.acquired_ns or started_ns
-        age_ns = 0 if self._lossless else max(0, time.monotonic_ns() - acquired_ns)
+        now_ns = time.monotonic_ns()
+        # A frozen or covered camera goes stale for everybody behind, and the robot stops.
+        age_ns = 0 if self._lossless else max(0, now_ns - (frame.new_ns or acquired_ns))
         t_capture_ns = (
-            round(frame.media_time_s * 1e9) if self._lossless else time.time_ns() - age_ns
+            round(frame.media_time_s * 1e9)
+            if self._lossless
+            else time.time_ns() - max(0, now_ns - acquired_ns)
         )
         frame = replace(frame, image=fit_to_cap(frame.image))
         self._describe(frame)

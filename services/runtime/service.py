@@ -118,9 +118,7 @@ def stop_signals(exit_deadline_s: float = EXIT_DEADLINE_S) -> Iterator[threading
     def on_signal(_number: int, _frame: object) -> None:
         if not stop.is_set():
             stop.set()
-            watchdog = threading.Timer(exit_deadline_s, _end_by_force)
-            watchdog.daemon = True
-            watchdog.start()
+            end_within(exit_deadline_s)
 
     previous = {
         number: signal.signal(number, on_signal) for number in (signal.SIGTERM, signal.SIGINT)
@@ -130,6 +128,13 @@ def stop_signals(exit_deadline_s: float = EXIT_DEADLINE_S) -> Iterator[threading
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
+
+
+def end_within(deadline_s: float) -> None:
+    """See to it that this process ends, with exit code 1 if it takes longer than the deadline."""
+    watchdog = threading.Timer(deadline_s, _end_by_force)
+    watchdog.daemon = True
+    watchdog.start()
 
 
 def _end_by_force() -> None:

@@ -69,7 +69,7 @@ def test_a_standing_person_fills_their_true_box(
         # Toes point ahead. By a pitched camera a person leans, and the true box does not.
         assert (seen[0] + seen[2]) / 2 == pytest.approx((box[0] + box[2]) / 2, abs=4.0)
     # Shoulders are narrower from the side, and the true box has one width for all.
-    assert 0.35 * (box[2] - box[0]) < seen[2] - seen[0] < 1.05 * (box[2] - box[0]) + 2.0
+    assert 0.35 * (box[2] - box[0]) < seen[2] - seen[0] < 1.2 * (box[2] - box[0]) + 2.0
 
 
 @pytest.mark.parametrize("robot", [RobotState(1.0, -2.0, 0.7, 0, 0), RobotState(-3, 2, -0.3, 0, 0)])
