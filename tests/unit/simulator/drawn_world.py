@@ -16,13 +16,16 @@ WALL = Obstacle("wall", 8.0, 0.0, 1.5708, 12.0, 0.2, 2.6, (230, 225, 215))
 ROOM = Scenery((-6.0, -6.0, 8.0, 6.0), True, "tiles", (WALL,))
 
 
+STANDING = RobotState(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 @dataclass
 class StillWorld:
     """A `WorldView` of given things."""
 
     people: tuple[PersonState, ...] = ()
     scenery: Scenery = MEADOW
-    robot: RobotState = RobotState(0.0, 0.0, 0.0, 0.0, 0.0)
+    robot: RobotState = STANDING
     t_s: float = 0.0
     brightness: float = 1.0
     camera_on: bool = True
