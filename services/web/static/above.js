@@ -98,6 +98,7 @@ export class Above {
     // For those who look from outside, screen readers and tests.
     canvas.dataset.followed = followed?.id ?? "";
     canvas.dataset.speed = truth.linear_mps;
+    canvas.dataset.time = truth.t_s;
   }
 
   /** A place in pixels of the canvas; x of the world goes right, y up, the robot is in the middle. */
