@@ -35,16 +35,18 @@ class DetectorErrors:
         jitter_px, jitter_share: an edge is off by that, plus that share of the box's height;
             for people at 10 m it is twice as much.
         jitter_memory: share of the error that stays from frame to frame.
+        shrink: how much of what is hidden a box leaves out, on average; detectors guess the rest.
         false_hz: how many false alarms begin a second.
         false_s: how long they last, on average.
     """
 
-    miss: float = 0.03
-    burst_hz: float = 0.08
+    miss: float = 0.02
+    burst_hz: float = 0.06
     burst_s: float = 0.35
     jitter_px: float = 1.0
-    jitter_share: float = 0.012
+    jitter_share: float = 0.01
     jitter_memory: float = 0.6
+    shrink: float = 0.7
     false_hz: float = 0.12
     false_s: float = 0.25
 
@@ -122,22 +124,22 @@ class SimulatedDetector:
             scenery.obstacles, self._errors.false_hz, self._errors.false_s, self._alarm_rng
         )
         self._burst = np.zeros(count, np.bool_)
-        self._error = self._rng.standard_normal((count, 4))
+        self._error = self._rng.standard_normal((count, 5))
         self._last_s = None
 
     def _find(self, sight: Sight, dt_s: float) -> tuple[NDArray[np.intp], Array, Array]:
         """Indices (K,) of those found, their boxes (K, 4) and scores (K,)."""
         count = len(sight.visible)
-        chance, wobble = self._rng.random((2, count)), self._rng.standard_normal((5, count))
+        chance, wobble = self._rng.random((2, count)), self._rng.standard_normal((6, count))
         quality = self._quality(sight)
         self._burst_on(quality, chance[0], dt_s)
         memory = self._errors.jitter_memory
-        self._error = memory * self._error + np.sqrt(1.0 - memory**2) * wobble[:4].T
+        self._error = memory * self._error + np.sqrt(1.0 - memory**2) * wobble[:5].T
         missed = np.where(self._burst, 0.9, 1.0 - (1.0 - self._errors.miss) * quality)
-        boxes, large = self._clip(self._jittered(_seen_extent(sight), sight.depth_m))
+        boxes, large = self._clip(self._jittered(sight))
         found = np.flatnonzero((chance[1] >= missed) & large & sight.in_front)
         found = _suppress(found, boxes, sight.depth_m)
-        scores = np.clip(0.3 + 0.62 * quality + 0.06 * wobble[4], 0.05, 0.99)
+        scores = np.clip(0.3 + 0.62 * quality + 0.06 * wobble[5], 0.05, 0.99)
         return found, boxes[found], scores[found]
 
     def _quality(self, sight: Sight) -> Array:
@@ -148,7 +150,7 @@ class SimulatedDetector:
         return (
             free
             * _ramp(sight.visible, 0.05, 0.3)
-            * _ramp(height, 20.0, 70.0)
+            * _ramp(height, 15.0, 55.0)
             * self._exposure.quality
         )
 
@@ -157,25 +159,27 @@ class SimulatedDetector:
         lasts = chance < np.exp(-dt_s / self._errors.burst_s)
         self._burst = np.where(self._burst, lasts, begins)
 
-    def _jittered(self, boxes: Array, depth_m: Array) -> Array:
-        height = np.maximum(boxes[:, 3] - boxes[:, 1], 0.0)
+    def _jittered(self, sight: Sight) -> Array:
+        full, height = sight.box_xyxy, sight.box_xyxy[:, 3] - sight.box_xyxy[:, 1]
+        shrink = np.clip(self._errors.shrink + 0.3 * self._error[:, 4:], 0.0, 1.0)
         spread = self._errors.jitter_px + self._errors.jitter_share * height
-        spread = spread * (1.0 + np.clip(depth_m, 0.0, 20.0) / 10.0)
-        return np.asarray(boxes + spread[:, None] * self._error)
+        spread = spread * (1.0 + np.clip(sight.depth_m, 0.0, 20.0) / 10.0)
+        wrong = shrink * (_seen_extent(sight) - full) + spread[:, None] * self._error[:, :4]
+        return np.asarray(full + wrong)
 
     def _clip(self, boxes: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Boxes cut at the picture's border, and which of them are worth reporting."""
         mount = self._mount
         size = np.array([mount.width_px, mount.height_px] * 2, np.float64)
-        clipped: Array = np.minimum(np.maximum(boxes, 0.0), size)
+        clipped = np.minimum(np.maximum(boxes, 0.0), size)
         width, height = clipped[:, 2] - clipped[:, 0], clipped[:, 3] - clipped[:, 1]
-        return clipped, (width > 4.0) & (height > 12.0)
+        return clipped, np.asarray((width > 4.0) & (height > 12.0))
 
 
 def _seen_extent(sight: Sight) -> Array:
     """Boxes (N, 4) of people, shrunk to what is left of them where something hides the rest."""
     open_cells = sight.hidden_by < 0
-    rows, columns = open_cells.any(2), open_cells.any(1)
+    rows, columns = np.asarray(open_cells.any(2)), np.asarray(open_cells.any(1))
     box = sight.box_xyxy
     width, height = box[:, 2] - box[:, 0], box[:, 3] - box[:, 1]
     left, right = columns.argmax(1) / COLUMNS, columns[:, ::-1].argmax(1) / COLUMNS

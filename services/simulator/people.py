@@ -47,6 +47,7 @@ class Crowd:
         self._solids = solids
         self._walkers = [Walker(actor.walk, actor.x_m, actor.y_m) for actor in people]
         self._target = next(i for i, actor in enumerate(people) if actor.role == "target")
+        self._free_m = 0.0
         self._ease_mps = np.array([actor.walk.speed_mps for actor in people])
         self.height_m: Array = np.array([actor.height_m for actor in people])
         self.radius_m: Array = np.array([actor.radius_m for actor in people])
@@ -64,17 +65,23 @@ class Crowd:
         """Move everybody by `dt_s`."""
         wish = self._wishes(t_s, dt_s, robot)
         walking = (wish != 0.0).any(1)
-        away = self._avoid_others(robot, robot_radius_m) + self._avoid_solids()
+        away = self._avoid_others(robot, robot_radius_m)
+        # Nobody need look out for walls who cannot have come near one since the last look.
+        near_walls = self._free_m <= 0.0 and len(self._solids) > 0
+        if near_walls:
+            away = away + self._avoid_solids()
         wanted = wish + np.where(walking[:, None], away, 0.0)
         wanted = _shorten(wanted, _HURRY * self._ease_mps)
         self.velocity = self.velocity + _shorten(wanted - self.velocity, _MAX_MPS2 * dt_s)
         before = self.place
         place = self._apart(before + self.velocity * dt_s)
         place = self._off_the_robot(before, place, robot, robot_radius_m)
-        self.place, _ = self._solids.push_out(place, self.radius_m)
+        self.place = self._solids.push_out(place, self.radius_m)[0] if near_walls else place
         moved = self.place - before
         self.velocity = _shorten(moved / dt_s, 2.0 * self._ease_mps)
-        self._stride(dt_s, np.hypot(moved[:, 0], moved[:, 1]))
+        steps_m = np.hypot(moved[:, 0], moved[:, 1])
+        self._free_m -= float(steps_m.max())
+        self._stride(dt_s, steps_m)
 
     def _wishes(self, t_s: float, dt_s: float, robot: RobotState) -> Array:
         target_x, target_y = self.place[self._target].tolist()
@@ -132,11 +139,10 @@ class Crowd:
         return away
 
     def _avoid_solids(self) -> Array:
-        if not len(self._solids):
-            return np.zeros_like(self.place)
         distance, away = self._solids.clearance(self.place)
-        gap = (distance - self.radius_m[:, None]) / _WALL_MARGIN_M
-        strength = np.minimum(np.maximum(1.0 - gap, 0.0), 1.0)
+        gap = distance - self.radius_m[:, None] - _WALL_MARGIN_M
+        self._free_m = float(gap.min())
+        strength = np.minimum(np.maximum(-gap / _WALL_MARGIN_M, 0.0), 1.0)
         push: Array = _AVOID_MPS * (strength[..., None] * away).sum(1)
         return push
 

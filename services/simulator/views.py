@@ -61,13 +61,15 @@ def look(world: WorldView, solids: Solids, mount: CameraMount) -> Sight:
     table = np.array(
         [(p.x_m, p.y_m, p.heading_rad, p.speed_mps, p.stride_rad, p.height_m) for p in people]
     ).reshape(-1, 6)
-    place, height = table[:, :2], table[:, 5]
-    ground = to_robot(place, robot)
+    ground = to_robot(table[:, :2], robot)
     box, depth = _boxes(lens(mount), ground, table, robot.heading_rad)
     in_front = (depth > NEAR_M) & np.isfinite(box).all(1)
     box[~in_front] = 0.0
-    hidden_by = _hidden(world, solids, mount, place, height, box, depth)
     in_picture = _in_picture(box, mount) & in_front[:, None, None]
+    hidden_by = np.full(in_picture.shape, -1, np.intp)
+    rows = np.flatnonzero(in_picture.any((1, 2)))
+    if rows.size:
+        hidden_by[rows] = _hidden(world, solids, mount, table, rows, box, depth)
     visible = ((hidden_by < 0) & in_picture).mean((1, 2))
     return Sight(box, depth, in_front, in_picture, hidden_by, visible)
 
@@ -107,39 +109,33 @@ def _in_picture(box: Array, mount: CameraMount) -> NDArray[np.bool_]:
 
 
 def _hidden(
-    world: WorldView,
-    solids: Solids,
-    mount: CameraMount,
-    place: Array,
-    height: Array,
-    box: Array,
-    depth: Array,
-) -> NDArray[np.intp]:
-    """What hides each cell (N, ROWS, COLUMNS)."""
-    count = len(place)
+    world: WorldView, solids: Solids, mount: CameraMount, table: Array, rows: NDArray[np.intp],
+    box: Array, depth: Array,
+) -> NDArray[np.intp]:  # fmt: skip
+    """What hides each cell of some people (K, ROWS, COLUMNS); `rows` (K,) says of whom."""
+    count, place = len(rows), table[:, :2]
+    height = table[rows, 5]
     origin = np.array([world.robot.x_m, world.robot.y_m])
-    ray = place - origin
+    ray = place[rows] - origin
     # Cells across the box at the person's own distance, at right angles to the line of sight.
-    width_m = (box[:, 2] - box[:, 0]) / lens(mount).focal_px * np.maximum(depth, NEAR_M)
+    width_m = (box[rows, 2] - box[rows, 0]) / lens(mount).focal_px * depth[rows]
     away_m = np.maximum(np.sqrt((ray * ray).sum(1)), 1e-6)
     aside = np.stack([ray[:, 1], -ray[:, 0]], -1) * (width_m / away_m)[:, None]
     rays = (ray[:, None] + aside[:, None] * _ACROSS[:, None]).reshape(-1, 2)
-    discs = cast_at_discs(origin, rays, place, np.full(count, _BODY_RADIUS_M))
-    own = np.arange(count * COLUMNS)
-    discs[own, own // COLUMNS] = np.inf
+    discs = cast_at_discs(origin, rays, place, np.full(len(place), _BODY_RADIUS_M))
+    discs[np.arange(count * COLUMNS), np.repeat(rows, COLUMNS)] = np.inf
     entry_solid, leave_solid = solids.cast(origin, rays)
     entry = np.hstack([discs, entry_solid])
     between = np.flatnonzero((entry < 1.0).any(0))
-    hidden_by = np.full((count, ROWS, COLUMNS), -1, np.intp)
     if not between.size:
-        return hidden_by
+        return np.full((count, ROWS, COLUMNS), -1, np.intp)
     entry = entry[:, between].reshape(count, 1, COLUMNS, -1)
     leave = np.hstack([discs, leave_solid])[:, between].reshape(count, 1, COLUMNS, -1)
-    tall = np.append(height, solids.height_m)[between]
+    tall = np.append(table[:, 5], solids.height_m)[between]
     # Along a line of sight from the lens to a cell heights change linearly: it passes over what
     # is lower than both its ends above it.
     rise = (height[:, None] * (1.0 - _DOWN) - mount.height_m)[:, :, None, None]
     lowest = mount.height_m + np.minimum(rise * entry, rise * np.minimum(leave, 1.0))
     covers = (entry < 1.0) & (lowest < tall)
     nearest = np.where(covers, entry, np.inf).argmin(-1)
-    return np.where(covers.any(-1), between[nearest], hidden_by)
+    return np.where(covers.any(-1), between[nearest], -1)

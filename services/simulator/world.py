@@ -58,6 +58,7 @@ class World:
         self._people: tuple[PersonState, ...] | None = None
         self._in_contact = np.zeros(len(scenario.people), np.bool_)
         self._against_wall = False
+        self._free_m = 0.0
         self._contacts = 0
         self._bumps = 0
 
@@ -211,13 +212,9 @@ class World:
 
     def _come_to_rest(self, before: RobotState, moved: RobotState, dt_s: float) -> RobotState:
         """The robot where bodies and obstacles let it be."""
-        radius_m = self._body.radius_m
         wished = np.array([[moved.x_m, moved.y_m]])
         place = self._off_people(wished)
-        place, touched = self._solids.push_out(place, np.array([radius_m]))
-        if bool(touched[0]) and not self._against_wall:
-            self._bumps += 1
-        self._against_wall = bool(touched[0])
+        place = self._off_obstacles(place)
         if (place == wished).all():
             return moved
         x_m, y_m = place[0].tolist()
@@ -227,6 +224,20 @@ class World:
         # Whoever is held up has lost the speed; sliding along keeps its part of it.
         speed = max(min(ahead / dt_s, abs(moved.linear_mps)), -abs(moved.linear_mps))
         return replace(moved, x_m=x_m, y_m=y_m, linear_mps=speed)
+
+    def _off_obstacles(self, place: Array) -> Array:
+        """Count bumps; the robot slides along what it has come to touch."""
+        self._free_m -= math.hypot(*(place[0] - (self._robot.x_m, self._robot.y_m)).tolist())
+        if self._free_m > 0.0 or not len(self._solids):
+            # It cannot have come near anything since the last look.
+            self._against_wall = False
+            return place
+        place, touched = self._solids.push_out(place, np.array([self._body.radius_m]))
+        self._free_m = float(self._solids.clearance(place)[0].min()) - self._body.radius_m
+        if bool(touched[0]) and not self._against_wall:
+            self._bumps += 1
+        self._against_wall = bool(touched[0])
+        return place
 
     def _off_people(self, place: Array) -> Array:
         """Count contacts; the robot stops at the body it has come to touch."""
