@@ -38,6 +38,7 @@ class FaultyCamera:
     def __init__(self) -> None:
         self.view: View = "person"
         self._pictures = {"person": _drawn("pacing"), "nobody": _drawn("empty", _QUIET_FRAMES)}
+        self._shown = {"person": 0, "nobody": 0}
         self._black = _jpeg(np.zeros((_SIZE["height"], _SIZE["width"], 3), np.uint8))
         self._ending = Event()
         owner = self
@@ -70,22 +71,24 @@ class FaultyCamera:
         request.send_response(200)
         request.send_header("Content-Type", "multipart/x-mixed-replace; boundary=frame")
         request.end_headers()
-        started_s, number, data = time.monotonic(), 0, self._pictures["person"][0]
+        started_s, sent, data = time.monotonic(), 0, self._black
         try:
-            while not self._ending.wait(max(0.0, started_s + number / FPS - time.monotonic())):
-                number += 1
+            while not self._ending.wait(max(0.0, started_s + sent / FPS - time.monotonic())):
+                sent += 1
                 view = self.view
                 if view == "silent":
                     continue
                 if view != "frozen":
-                    data = self._picture(view, number)
+                    data = self._picture(view)
                 head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
                 request.wfile.write(head.encode() + data + b"\r\n")
         except OSError:
             return
 
-    def _picture(self, view: View, number: int) -> bytes:
+    def _picture(self, view: View) -> bytes:
         if view == "black":
             return self._black
+        # The person waits where nobody looks, and is found again near the same place.
+        self._shown[view] += 1
         pictures = self._pictures[view]
-        return pictures[number % len(pictures)]
+        return pictures[self._shown[view] % len(pictures)]

@@ -29,6 +29,8 @@ _READY_S = 60.0
 _STEADY_S = 0.3
 """A robot that has moved for so long without a pause counts as driving."""
 _CHOOSE_EVERY_S = 1.0
+_DOUBT_S = 6.0
+"""A tracker that is unsure of the person for so long after a fault is started anew."""
 
 
 class Rig:
@@ -128,8 +130,9 @@ class Rig:
         Raises:
             HeelError: it does not within a minute.
         """
-        deadline_s, choose_s = time.monotonic() + _READY_S, time.monotonic() + _CHOOSE_EVERY_S
-        turning_since_s = math.inf
+        started_s = time.monotonic()
+        deadline_s, choose_s = started_s + _READY_S, started_s + _CHOOSE_EVERY_S
+        doubt_s, turning_since_s = started_s + _DOUBT_S, math.inf
         while time.monotonic() < deadline_s:
             now_s = time.monotonic()
             if self.stands_since_ns() is not None:
@@ -137,6 +140,10 @@ class Rig:
                 if now_s >= choose_s:
                     self._choose_nearest()
                     choose_s = now_s + _CHOOSE_EVERY_S
+                if now_s >= doubt_s:
+                    self.signal("tracker", signal.SIGKILL)
+                    self.restart("tracker")
+                    doubt_s = now_s + _DOUBT_S
             elif (turning_since_s := min(turning_since_s, now_s)) <= now_s - _STEADY_S:
                 return
             time.sleep(0.02)

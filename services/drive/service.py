@@ -27,6 +27,7 @@ from services.drive.settings import DriveServiceSettings
 from services.drive.wheels import DriverError, Wheels
 from services.runtime import qos
 from services.runtime.inbox import Arrival
+from services.runtime.latched import LatchedQuery
 from services.runtime.publishing import Latched, latched_values
 from services.runtime.service import ServiceContext, end_within, run_service
 from services.runtime.settings import Loaded
@@ -53,6 +54,7 @@ class DriveService:
         context.inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
         self._out = context.publisher(keys.ROBOT_DRIVE, qos.DRIVE)
         self._odometry = context.publisher(keys.ROBOT_ODOMETRY, qos.ODOMETRY)
+        self._asked = LatchedQuery(context.session, keys.FOLLOW_ESTOP, EStop)
         self._estop = resources.enter_context(
             Latched(context.session, keys.FOLLOW_ESTOP, qos.ESTOP)
         )
@@ -99,6 +101,9 @@ class DriveService:
         self._publish(state, time.monotonic() - started_s)
         if (reading := self._wheels.odometry()) is not None:
             self._publish_odometry(reading)
+        if state.command_seq is None and not state.estop:
+            # Commands stopped, perhaps because the link was down, and with it a stop went by.
+            self._ask_again(started_s)
 
     def _publish(self, state: DriveState, busy_s: float) -> None:
         now_s = time.monotonic()
@@ -177,6 +182,15 @@ class DriveService:
         ):
             if estop.engaged:
                 self._take_estop(estop)
+
+    def _ask_again(self, now_s: float) -> None:
+        try:
+            estop = self._asked.poll(now_s)
+        except MessageError as error:
+            self._context.warn.warning("estop-asked", f"{keys.FOLLOW_ESTOP}: {error}", now_s)
+            return
+        if estop is not None and estop.engaged:
+            self._take_estop(estop)
 
 
 def serve(context: ServiceContext[DriveServiceSettings]) -> None:

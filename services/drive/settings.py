@@ -11,7 +11,7 @@ from services.runtime.settings import ServiceSettings, StrictSettings
 
 
 class DriveSettings(StrictSettings):
-    """When the wheels may turn, and how fast."""
+    """When the wheels may turn, and how fast: by default a little above what the follower asks."""
 
     driver: Name = Field(
         "log",
@@ -23,11 +23,11 @@ class DriveSettings(StrictSettings):
         0.5, gt=0, le=2, description="zero velocity so long after the last command, or after the "
         "command's own ttl where that is shorter"
     )  # fmt: skip
-    max_linear_mps: float = Field(1.0, ge=0, le=5, description="speed limit, forward")
+    max_linear_mps: float = Field(2.0, ge=0, le=5, description="speed limit, forward")
     max_reverse_mps: float = Field(0.3, ge=0, le=5, description="speed limit, backward")
-    max_angular_radps: float = Field(1.5, ge=0, le=10, description="turn rate limit")
+    max_angular_radps: float = Field(2.0, ge=0, le=10, description="turn rate limit")
     max_linear_mps2: float = Field(
-        1.5, gt=0, le=20, description="acceleration limit; slowing down is not limited by it"
+        2.0, gt=0, le=20, description="acceleration limit; slowing down is not limited by it"
     )
     max_angular_radps2: float = Field(
         6.0, gt=0, le=50, description="angular acceleration limit; slowing down ignores it"

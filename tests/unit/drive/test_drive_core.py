@@ -82,7 +82,7 @@ def test_a_command_that_ran_out_does_not_come_back_with_the_clock() -> None:
 @pytest.mark.parametrize(
     ("asked", "allowed"),
     [
-        ((5.0, 10.0), (1.0, 1.5)),
+        ((5.0, 10.0), (0.9, 1.5)),
         ((-5.0, -10.0), (-0.3, -1.5)),
         ((0.3, -0.2), (0.3, -0.2)),
     ],
@@ -90,7 +90,7 @@ def test_a_command_that_ran_out_does_not_come_back_with_the_clock() -> None:
 def test_speed_limits_hold_whatever_is_asked(
     asked: tuple[float, float], allowed: tuple[float, float]
 ) -> None:
-    drive = Drive(DriveSettings())
+    drive = Drive(DriveSettings(max_linear_mps=0.9, max_reverse_mps=0.3, max_angular_radps=1.5))
     driving(drive, *asked)
     assert told(drive.step(11.0)) == ("driving", *allowed)
 

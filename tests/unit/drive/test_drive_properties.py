@@ -1,4 +1,4 @@
-"""Whatever happens in whatever order: limits hold, silence means zero, an emergency stop absorbs."""
+"""Whatever happens in whatever order: limits hold, silence is zero, an emergency stop absorbs."""
 
 from __future__ import annotations
 

@@ -41,6 +41,14 @@ def broken() -> None:
     raise OSError("no such board")
 
 
+def failure_of(wheels: Wheels) -> str | None:
+    try:
+        wheels.check(time.monotonic())
+    except DriverError as error:
+        return str(error)
+    return None
+
+
 def test_orders_reach_the_driver_and_the_end_is_a_stop() -> None:
     driver = FakeDriver()
     wheels = Wheels(driver, deadline_s=5.0, silence_s=5.0)
@@ -72,22 +80,20 @@ def test_a_driver_that_raises_is_stopped_and_named() -> None:
     driver = FakeDriver(broken)
     wheels = Wheels(driver, deadline_s=5.0, silence_s=5.0)
 
-    def failed() -> bool:
-        try:
-            wheels.turn(0.5, 0.0)
-        except DriverError as error:
-            assert "driver failed: OSError: no such board" in str(error)
-            return True
-        return False
-
-    wait_until(failed, "the failure")
+    wheels.turn(0.5, 0.0)
+    wait_until(lambda: failure_of(wheels) is not None, "the failure")
+    assert "driver failed: OSError: no such board" in str(failure_of(wheels))
     assert not wheels.finish()
     assert driver.calls == [(0.5, 0.0), "stop", "close"]
 
 
 def test_a_driver_that_hangs_is_noticed_and_a_last_stop_is_tried() -> None:
     release = threading.Event()
-    driver = FakeDriver(lambda: None if release.wait(20.0) else None)
+
+    def hang() -> None:
+        release.wait(20.0)
+
+    driver = FakeDriver(hang)
     wheels = Wheels(driver, deadline_s=0.05, silence_s=5.0)
     try:
         wheels.turn(0.5, 0.0)
