@@ -48,7 +48,9 @@ def main(
         png = driver.get_screenshot_as_png()
     picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
     path = folder / "demo.jpg"
-    if not cv2.imwrite(str(path), picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]):
+    if picture is None or not cv2.imwrite(
+        str(path), picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+    ):
         raise HeelError(f"{path} cannot be written: give a folder that exists")
     typer.echo(f"wrote {path}")
 
@@ -64,8 +66,8 @@ def _demo() -> Iterator[str]:
             process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=stream)
         try:
             page = re.compile(r"live page: (\S+)")
-            found = _wait(lambda: page.search(log.read_text()), "the demo's page")
-            yield found[1]
+            found = _wait(lambda: page.findall(log.read_text()), "the demo's page")
+            yield found[0]
         finally:
             process.send_signal(signal.SIGINT)
             process.wait(timeout=20)
