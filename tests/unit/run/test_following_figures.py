@@ -14,7 +14,9 @@ def truth(seq: int, x_m: float = 0.0, contact: int = 0) -> SimTruth:
     people = tuple(
         SimPerson(id=number, role=role, pose=Pose(x_m=at_m, y_m=0.0, heading_rad=0.0),
                   speed_mps=0.0, height_m=1.7, radius_m=0.25, box_xyxy=box, visible=1.0)
-        for number, role, at_m, box in ((1, "target", 3.0, TARGET_BOX), (2, "other", 5.0, OTHER_BOX))
+        for number, role, at_m, box in (
+            (1, "target", 3.0, TARGET_BOX), (2, "other", 5.0, OTHER_BOX)
+        )
     )  # fmt: skip
     return SimTruth(
         seq=seq, t_s=(seq + 1) * FRAME_S, robot=Pose(x_m=x_m, y_m=0.0, heading_rad=0.0),

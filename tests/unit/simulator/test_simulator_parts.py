@@ -28,7 +28,7 @@ def test_wheels_obey_the_last_word_until_it_is_old() -> None:
     assert wheels.speed(100.0) == (0.0, 0.0)
     assert not wheels.silent(100.0), "nobody has spoken yet"
     wheels.hear(told(0.5), 100.0)
-    assert wheels.speed(100.0 + TIMEOUT_S) == (0.5, -0.3)
+    assert wheels.speed(99.99 + TIMEOUT_S) == (0.5, -0.3)
     assert wheels.speed(100.01 + TIMEOUT_S) == (0.0, 0.0)
     assert wheels.silent(100.01 + TIMEOUT_S)
     wheels.hear(told(0.2), 101.0)
@@ -51,7 +51,7 @@ def test_truth_is_one_json_object_a_line_and_there_at_once(tmp_path: Path) -> No
 
 
 def test_a_truth_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(HeelError, match="--truth .*give a file that can be written"):
+    with pytest.raises(HeelError, match=r"--truth .*give a file that can be written"):
         with open_truth(tmp_path / "missing" / "truth.jsonl"):
             pass
     with open_truth(None) as nothing:
