@@ -1,6 +1,6 @@
 // The simulated world seen from above, drawn from what the simulator says is true. The stack never sees it.
 
-const ACROSS_M = 13;
+const ACROSS_M = 16;
 const TRAIL_POINTS = 240;
 const TRAIL_STEP_M = 0.08;
 const MAX_TRAILS = 65;
