@@ -22,6 +22,7 @@ class Tracker:
     Usage:
         tracker = Tracker(TrackerSettings())
         tracks = tracker.update(blobs)
+        tracker.settle()  # once the tracks are on their way
     """
 
     def __init__(self, settings: TrackerSettings) -> None:
@@ -48,6 +49,15 @@ class Tracker:
             self._method = self._started(blobs, self._method.next_id)
         dt_s = self._clock.elapsed_s(blobs.t_capture_ns)
         return _message(blobs, self._tracks(blobs, evidence, dt_s))
+
+    def settle(self) -> None:
+        """Do now what the next `update` would do first; the result is the same either way.
+
+        Called after the tracks are sent, it spares the frame the 20 to 50 ms of a fit of the
+        scene's scale, and works while the next frame is captured and detected.
+        """
+        if isinstance(self._method, FittedTracker):
+            self._method.settle()
 
     def _started(self, blobs: Blobs, next_id: int) -> Method:
         if blobs.kind == "people":

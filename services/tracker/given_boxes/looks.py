@@ -108,8 +108,8 @@ class LookModel:
         # Both normal densities are monotone only between their means.
         odds = np.where(distance < self._same.mean, np.maximum(odds, 0.0), odds)
         odds = np.where(distance > self._other.mean, np.minimum(odds, 0.0), odds)
-        most = self.settings.most
-        return np.asarray(np.clip(self.settings.weight * odds, -most, most))
+        s = self.settings
+        return np.asarray(np.clip(s.weight * odds, -s.most_against, s.most))
 
 
 def nearest_views(galleries: Sequence[Gallery], looks: FloatArray) -> FloatArray:

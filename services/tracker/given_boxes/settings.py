@@ -146,7 +146,8 @@ class AppearanceSettings(StrictSettings):
     """How much the look of a box counts, where pictures are given."""
 
     weight: float = Field(0.7, ge=0, le=10, description="Share of the log odds that is believed")
-    most: float = Field(6.0, ge=0, le=100, description="Most log odds a look can give or take")
+    most: float = Field(6.0, ge=0, le=100, description="Most log odds a look can give")
+    most_against: float = Field(12.0, ge=0, le=100, description="Most log odds a look can take")
     least_spread: float = Field(0.05, gt=0, le=1, description="Least spread of distances of looks")
     crowd: float = Field(
         0.5, ge=0, le=1, description="Share of its weight a look loses if wholly overlapped"
