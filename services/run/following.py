@@ -6,11 +6,13 @@ import math
 from collections import OrderedDict
 from dataclasses import dataclass
 
+import numpy as np
+
+from evaluation.alignment import best_pairs, iou_matrix
 from schemas import FollowState, SimPerson, SimTruth, Tracks
 
 _KEPT_FRAMES = 128
-_LEAST_OVERLAP = 0.3
-"""Intersection over union from which on a track is on a person."""
+_LEAST_IOU = 0.3
 _ACTING = ("following", "occluded")
 
 
@@ -94,36 +96,26 @@ class FollowingTally:
         passed_s, self._judged_s = truth.t_s - self._judged_s, truth.t_s
         if state is None or state.state not in _ACTING:
             return
-        box = next((t.box_xyxy for t in tracks.tracks if t.id == state.target.track_id), None)
-        person = None if box is None else _under(box, truth.people)
+        person = _person_under(state.target.track_id, tracks, truth.people)
         if person is not None and person.role == "target":
             self.figures.followed_s += passed_s
         elif person is not None:
             self.figures.wrong_s += passed_s
 
 
-def _under(
-    box: tuple[float, float, float, float], people: tuple[SimPerson, ...]
+def _person_under(
+    track_id: int | None, tracks: Tracks, people: tuple[SimPerson, ...]
 ) -> SimPerson | None:
-    """The visible person whose box overlaps most with `box`."""
-    overlaps = [
-        (_overlap(box, person.box_xyxy), person)
-        for person in people
-        if person.box_xyxy is not None and person.visible > 0
-    ]
-    best, person = max(overlaps, key=lambda pair: pair[0], default=(0.0, None))
-    return person if best >= _LEAST_OVERLAP else None
-
-
-def _overlap(
-    one: tuple[float, float, float, float], other: tuple[float, float, float, float]
-) -> float:
-    wide = min(one[2], other[2]) - max(one[0], other[0])
-    high = min(one[3], other[3]) - max(one[1], other[1])
-    if wide <= 0 or high <= 0:
-        return 0.0
-    areas = sum((right - left) * (bottom - top) for left, top, right, bottom in (one, other))
-    return wide * high / (areas - wide * high)
+    """Whom a track is on: tracks and visible people are paired one to one at the highest IoU."""
+    size = np.array([tracks.width, tracks.height] * 2, np.float64)
+    seen = [(p, p.box_xyxy) for p in people if p.box_xyxy is not None and p.visible > 0]
+    tracked = np.array([track.box_xyxy for track in tracks.tracks], np.float64).reshape(-1, 4)
+    true = np.array([box for _, box in seen], np.float64).reshape(-1, 4)
+    overlaps = iou_matrix(np.clip(tracked, 0.0, size), np.clip(true, 0.0, size))
+    rows, columns = best_pairs(overlaps, _LEAST_IOU)
+    on = {tracks.tracks[row].id: seen[column][0]
+          for row, column in zip(rows, columns, strict=True)}  # fmt: skip
+    return None if track_id is None else on.get(track_id)
 
 
 def _distance(truth: SimTruth, person: SimPerson) -> float:
