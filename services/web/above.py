@@ -7,9 +7,9 @@ from typing import Any
 from schemas import MessageError, Pose, SimPerson, SimTruth, SimWorld, decode, keys
 from services.runtime import qos
 from services.runtime.inbox import Arrival
+from services.runtime.latched import LatchedQuery
 from services.runtime.service import ServiceContext
 from services.web.hub import Hub
-from services.web.latched import LatchedQuery
 from services.web.rate import RateLimiter
 from services.web.settings import WebServiceSettings
 

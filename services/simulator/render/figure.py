@@ -93,8 +93,8 @@ class Figure:
         hips = [(0.47, 0.052, 0.072, 0.0), (0.5, 0.066, 0.096, 0.0), (0.55, 0.066, 0.098, 0.0),
                 (0.585, 0.058, 0.086, 0.0)]  # fmt: skip
         chest = [(0.52, 0.078, 0.113, 0.0), (0.6, 0.066, 0.09, 0.003), (0.66, 0.064, 0.094, 0.006),
-                 (0.73, 0.072, 0.11, 0.006), (0.785, 0.066, 0.118, 0.002),
-                 (0.82, 0.052, 0.104, -0.003), (0.842, 0.036, 0.062, -0.004),
+                 (0.73, 0.072, 0.105, 0.006), (0.785, 0.066, 0.11, 0.002),
+                 (0.82, 0.052, 0.097, -0.003), (0.842, 0.036, 0.062, -0.004),
                  (0.853, 0.026, 0.03, -0.004)]  # fmt: skip
         for sections, cloth in ((hips, self._legs_cloth), (chest, self._top)):
             scaled = [(z * h, d * g, w * g, shift * g) for z, d, w, shift in sections]
@@ -133,8 +133,8 @@ class Figure:
     def _arm(self, side: int) -> tuple[Any, Any]:
         h, g = self._h, self._girth
         shoulder = self.root.attach_new_node("shoulder")
-        shoulder.set_pos(-0.002 * g, side * 0.118 * g, _SHOULDER * h)
-        shoulder.set_p(side * 5.0)
+        shoulder.set_pos(-0.002 * g, side * 0.109 * g, _SHOULDER * h)
+        shoulder.set_p(side * 3.0)
         upper = [
             (-_UPPER_ARM * h, 0.024 * g, 0.023 * g, 0.0), (-0.08 * h, 0.029 * g, 0.027 * g, 0.0),
             (-0.01 * h, 0.034 * g, 0.031 * g, 0.0), (0.016 * h, 0.018 * g, 0.018 * g, 0.0),

@@ -49,7 +49,7 @@ def _wood(rng: np.random.Generator) -> Picture:
             picture[top : top + height, columns] *= rng.uniform(0.72, 1.18)
         picture[top : top + height, ends] *= 0.45
         picture[top : top + 2] *= 0.55
-    return np.clip(_speckled(rng, picture, 300, 40), 0, 255).astype(np.uint8)
+    return np.clip(_speckled(rng, picture, 900, 40), 0, 255).astype(np.uint8)
 
 
 def _asphalt(rng: np.random.Generator) -> Picture:

@@ -47,6 +47,9 @@ class OffscreenCamera:
         self._pixels = core.Texture("pixels")
         self._buffer = self._open_buffer()
         self.root = core.NodePath("world")
+        # In the order of the graph: sorted by memory addresses, as by default, surfaces of equal
+        # depth would hide each other now so, now so.
+        self.root.set_bin("unsorted", 0)
         lens = core.PerspectiveLens()
         lens.set_aspect_ratio(mount.width_px / mount.height_px)
         lens.set_fov(math.degrees(mount.horizontal_fov_rad))

@@ -74,7 +74,7 @@ class Renderer:
                 if figure is not None:
                     figure.root.remove_node()
                 figure = Figure(person)
-                figure.root.reparent_to(self._camera.root)
+                figure.root.reparent_to(self._camera.root, person.id)
                 self._figures[person.id] = person, figure
             figure.pose(person)
 

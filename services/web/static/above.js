@@ -1,6 +1,6 @@
 // The simulated world seen from above, drawn from what the simulator says is true. The stack never sees it.
 
-const ACROSS_M = 13;
+const ACROSS_M = 16;
 const TRAIL_POINTS = 240;
 const TRAIL_STEP_M = 0.08;
 const MAX_TRAILS = 65;
@@ -97,7 +97,9 @@ export class Above {
       + `${truth.linear_mps.toFixed(2)} m/s \u00b7 ${truth.contacts} contacts`;
     // For those who look from outside, screen readers and tests.
     canvas.dataset.followed = followed?.id ?? "";
+    canvas.dataset.people = JSON.stringify(truth.people.filter((one) => one.box).map((one) => [one.id, ...one.box]));
     canvas.dataset.speed = truth.linear_mps;
+    canvas.dataset.time = truth.t_s;
   }
 
   /** A place in pixels of the canvas; x of the world goes right, y up, the robot is in the middle. */
@@ -185,7 +187,9 @@ export class Above {
     context.fillStyle = isFollowed ? "#ffffff" : ROLE_COLOURS[role];
     context.font = `600 ${12 * unit}px system-ui, sans-serif`;
     const name = role === "other" ? `${id}` : `${id} ${role}`;
-    context.fillText(isFollowed ? `${name} \u00b7 followed` : name, left + radius * scale + 7 * unit, top - 6 * unit);
+    const text = isFollowed ? `${name} \u00b7 followed` : name;
+    const room = this.canvas.width - context.measureText(text).width - 6 * unit;
+    context.fillText(text, Math.min(left + radius * scale + 7 * unit, room), top - radius * scale - 6 * unit);
   }
 
   drawRobot() {
