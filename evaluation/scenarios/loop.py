@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from evaluation.scenarios.perception import STREAM, Perception, camera_info
 from evaluation.scenarios.user import User
-from evaluation.scenarios.witness import Witness
+from evaluation.scenarios.witness import Moment, Witness
 from schemas import FrameId, MotionCommand, SimTruth, Tracks
 from services.drive.core import Drive
 from services.follower.core import Follower
@@ -63,7 +63,9 @@ class ClosedLoop:
         self._film = film
         self._frame_ms = round(1000 / mount.fps)
         self._witness = Witness(world, mount)
-        self._user = User([person.role for person in world.people].index("target"))
+        self._target = [person.role for person in world.people].index("target")
+        self._user = User(self._target)
+        self._visible = 0.0
         self._sightings: deque[_Sighting] = deque()
         self._newest: _Sighting | None = None
         self._command: MotionCommand | None = None
@@ -95,7 +97,7 @@ class ClosedLoop:
         )  # fmt: skip
         truth = self._world.truth(self._frames, self._mount)
         tracks = self._perception.see(frame)
-        self._witness.see(truth)
+        self._visible = truth.people[self._target].visible
         self._sightings.append(
             _Sighting(now_ms + TRACKS_AGE_MS, now_ms, tracks, truth,
                       self._witness.people_of(truth, tracks))
@@ -125,11 +127,12 @@ class ClosedLoop:
         while self._sightings and self._sightings[0].due_ms <= now_ms:
             newest = self._newest = self._sightings.popleft()
             self._follower.observe(newest.tracks, _TRACKER)
-            self._user.act(now_s, self._follower, newest.truth, newest.people_by_track)
+            self._user.act(now_s, self._follower.choose, newest.truth, newest.people_by_track)
 
     def _record(self) -> None:
         on = {} if self._newest is None else self._newest.people_by_track
-        self._witness.record(self._follower.state, on)
+        moment = Moment.of_world(self._world, self._visible)
+        self._witness.record(moment, self._follower.state, on)
 
 
 def _after(now_ms: int, period_ms: int) -> int:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from services.simulator.boxes import SimulatedDetector
-
 from schemas import CameraInfo, FrameId, Tracks
+from services.simulator.boxes import SimulatedDetector
 from services.simulator.state import CameraMount
 from services.simulator.world import World
 from services.tracker.core import Tracker

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from schemas import HeelError, SimTruth, TargetRequest
-from services.follower.core import Follower
+from schemas import HeelError, SimTruth, Target, TargetRequest
 
 _FIRST_CLICK_S = 1.0
 _AGAIN_S = 0.5
@@ -26,13 +26,17 @@ class User:
         self._due_s = _FIRST_CLICK_S
 
     def act(
-        self, now_s: float, follower: Follower, truth: SimTruth, people_by_track: dict[int, int]
+        self,
+        now_s: float,
+        choose: Callable[[TargetRequest], Target],
+        truth: SimTruth,
+        people_by_track: dict[int, int],
     ) -> None:
         """Look at the newest picture, and click if it is time to.
 
         Args:
             now_s: simulated time.
-            follower: which has the tracks of this picture.
+            choose: asks the follower, which has the tracks of this picture; refuses by HeelError.
             truth: what the picture shows.
             people_by_track: who its tracks are on.
         """
@@ -45,7 +49,7 @@ class User:
             mode="point", x_px=(left + right) / 2, y_px=top + _DOWN * (bottom - top)
         )
         try:
-            chosen = follower.choose(click).track_id
+            chosen = choose(click).track_id
         except HeelError:
             # Nobody is tracked there yet: the page says so, and one clicks again.
             return

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.alignment import best_pairs
+from evaluation.alignment import best_pairs, iou_matrix
 from evaluation.following.log import NOBODY, EpisodeLog
 from evaluation.scenarios.floor import Floor
 from schemas import FollowState, SimTruth, Tracks
@@ -19,30 +21,63 @@ _ACTING = ("following", "occluded")
 Reals = NDArray[np.float64]
 
 
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What changes from one row of the log to the next.
+
+    Attributes:
+        robot: x, y (m), heading (rad), linear (m/s) and angular velocity (rad/s).
+        people_m: x, y of everybody.
+        visible: share of the target's box that was to be seen in the newest picture.
+        contact: whether the robot has touched anybody by now.
+    """
+
+    t_s: float
+    robot: tuple[float, float, float, float, float]
+    people_m: list[tuple[float, float]]
+    visible: float
+    contact: bool
+
+    @classmethod
+    def of_world(cls, world: World, visible: float) -> Moment:
+        """A world now."""
+        robot = world.robot
+        return cls(
+            world.t_s,
+            (robot.x_m, robot.y_m, robot.heading_rad, robot.linear_mps, robot.angular_radps),
+            [(person.x_m, person.y_m) for person in world.people],
+            visible,
+            world.contacts > 0,
+        )
+
+    @classmethod
+    def of_truth(cls, truth: SimTruth) -> Moment:
+        """A world that another process told of."""
+        robot = truth.robot
+        return cls(
+            truth.t_s,
+            (robot.x_m, robot.y_m, robot.heading_rad, truth.linear_mps, truth.angular_radps),
+            [(person.pose.x_m, person.pose.y_m) for person in truth.people],
+            next(person.visible for person in truth.people if person.role == "target"),
+            truth.contact > 0,
+        )
+
+
 class Witness:
     """Collects the log of one episode.
 
     Args:
-        world: before its first step.
+        world: the episode's, for what never changes in it.
         mount: the robot's camera.
     """
 
     def __init__(self, world: World, mount: CameraMount) -> None:
         self._world = world
         self._mount = mount
-        self._roles = [person.role for person in world.people]
-        self._target = self._roles.index("target")
-        self._visible = 0.0
-        self._rows: list[tuple[float, float, float, float, float, float]] = []
-        self._people: list[list[tuple[float, float]]] = []
-        self._visibles: list[float] = []
+        self._target = [person.role for person in world.people].index("target")
+        self._moments: list[Moment] = []
         self._followed: list[int] = []
         self._states: list[str] = []
-        self._contacts: list[bool] = []
-
-    def see(self, truth: SimTruth) -> None:
-        """Take in what the camera could see in the newest frame."""
-        self._visible = truth.people[self._target].visible
 
     def people_of(self, truth: SimTruth, tracks: Tracks) -> dict[int, int]:
         """Who each track is on: index of the person by track id; tracks on nobody are left out.
@@ -58,34 +93,28 @@ class Witness:
         ]
         boxes = _clipped([truth.people[index].box_xyxy or (0, 0, 0, 0) for index in present], size)
         ids = [track.id for track in tracks.tracks]
-        overlaps = _ious(_clipped([track.box_xyxy for track in tracks.tracks], size), boxes)
+        overlaps = iou_matrix(_clipped([track.box_xyxy for track in tracks.tracks], size), boxes)
         rows, columns = best_pairs(overlaps, _LEAST_IOU)
         return {ids[row]: present[column] for row, column in zip(rows, columns, strict=True)}
 
-    def record(self, state: FollowState, people_by_track: dict[int, int]) -> None:
+    def record(self, moment: Moment, state: FollowState, people_by_track: dict[int, int]) -> None:
         """Write down this moment.
 
         Args:
+            moment: the world.
             state: what the follower does now.
             people_by_track: of the newest tracks that the follower has.
         """
-        world, robot = self._world, self._world.robot
-        self._rows.append(
-            (world.t_s, robot.x_m, robot.y_m, robot.heading_rad, robot.linear_mps,
-             robot.angular_radps)
-        )  # fmt: skip
-        self._people.append([(person.x_m, person.y_m) for person in world.people])
-        self._visibles.append(self._visible)
+        self._moments.append(moment)
         acting = state.state in _ACTING and state.target.track_id is not None
         on = people_by_track.get(state.target.track_id or 0, NOBODY) if acting else NOBODY
         self._followed.append(on)
         self._states.append(state.state)
-        self._contacts.append(world.contacts > 0)
 
     def log(self) -> EpisodeLog:
         """Everything that was written down."""
-        rows = np.array(self._rows)
-        people = np.array(self._people)
+        robot = np.array([moment.robot for moment in self._moments])
+        people = np.array([moment.people_m for moment in self._moments])
         target = people[:, self._target]
         floor = Floor(self._world.scenery.obstacles)
         return EpisodeLog(
@@ -93,17 +122,17 @@ class Witness:
             robot_radius_m=self._world.robot_radius_m,
             people_radius_m=np.array([person.radius_m for person in self._world.people]),
             target=self._target,
-            t_s=rows[:, 0],
-            robot_xy_m=rows[:, 1:3],
-            robot_heading_rad=rows[:, 3],
-            linear_mps=rows[:, 4],
-            angular_radps=rows[:, 5],
+            t_s=np.array([moment.t_s for moment in self._moments]),
+            robot_xy_m=robot[:, :2],
+            robot_heading_rad=robot[:, 2],
+            linear_mps=robot[:, 3],
+            angular_radps=robot[:, 4],
             people_xy_m=people,
-            path_m=floor.path_m(rows[:, 1:3], target),
-            path_from_start_m=floor.path_m(np.broadcast_to(rows[0, 1:3], target.shape), target),
-            visible=np.array(self._visibles),
+            path_m=floor.path_m(robot[:, :2], target),
+            path_from_start_m=floor.path_m(np.broadcast_to(robot[0, :2], target.shape), target),
+            visible=np.array([moment.visible for moment in self._moments]),
             followed=np.array(self._followed),
-            contact=np.array(self._contacts),
+            contact=np.array([moment.contact for moment in self._moments]),
             state=np.array(self._states),
         )
 
@@ -112,13 +141,3 @@ def _clipped(boxes: list[tuple[float, float, float, float]], size: tuple[int, in
     """(N, 4) the parts of boxes within the picture; empty boxes where nothing is."""
     limits = np.array([size[0], size[1], size[0], size[1]], np.float64)
     return np.clip(np.array(boxes, np.float64).reshape(-1, 4), 0.0, limits)
-
-
-def _ious(first: Reals, second: Reals) -> Reals:
-    """(N, M) intersections over unions."""
-    low = np.maximum(first[:, None, :2], second[None, :, :2])
-    high = np.minimum(first[:, None, 2:], second[None, :, 2:])
-    shared = np.maximum(high - low, 0.0).prod(axis=2)
-    areas = [np.maximum(boxes[:, 2:] - boxes[:, :2], 0.0).prod(axis=1) for boxes in (first, second)]
-    union = areas[0][:, None] + areas[1][None, :] - shared
-    return np.asarray(shared / np.maximum(union, 1e-9))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluation.scenarios.witness import Witness
+from evaluation.scenarios.witness import Moment, Witness
 from schemas import FollowState, Pose, SimPerson, SimTruth, Target, Track, Tracks
 from services.simulator.scenarios import scenario
 from services.simulator.state import CameraMount
@@ -114,7 +114,7 @@ def test_only_acting_counts_as_following(
 ) -> None:
     witness = Witness(world, CameraMount())
 
-    witness.record(state(name, track_id), {7: TARGET, 8: OTHER})
+    witness.record(Moment.of_world(world, 1.0), state(name, track_id), {7: TARGET, 8: OTHER})
 
     assert witness.log().followed.tolist() == [followed]
 
@@ -122,7 +122,7 @@ def test_only_acting_counts_as_following(
 def test_the_log_tells_what_the_world_was_like(world: World) -> None:
     witness = Witness(world, CameraMount())
     for _ in range(50):
-        witness.record(state("idle", None), {})
+        witness.record(Moment.of_world(world, 1.0), state("idle", None), {})
         world.step(0.02, 0.5, 0.0)
     log = witness.log()
 
@@ -133,3 +133,13 @@ def test_the_log_tells_what_the_world_was_like(world: World) -> None:
     assert log.linear_mps[-1] == pytest.approx(robot.linear_mps, abs=0.1)
     assert log.path_m[0] == pytest.approx(log.target_distance_m()[0], abs=0.01)
     assert log.path_from_start_m[0] == log.path_m[0]
+
+
+def test_a_world_told_by_another_process_is_the_same_moment(world: World) -> None:
+    for _ in range(50):
+        world.step(0.02, 0.5, 0.1)
+    told = world.truth(0, CameraMount())
+
+    moment = Moment.of_truth(told)
+
+    assert moment == Moment.of_world(world, told.people[TARGET].visible)
