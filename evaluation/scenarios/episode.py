@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,15 +65,39 @@ def load_stack(mode: Mode, file: Path | None) -> StackSettings:
 
 
 def run_episode(settings: StackSettings, task: EpisodeTask) -> EpisodeResult:
-    """Run and score one episode, and draw and film it where a folder is given."""
-    world = scenario(task.scenario, task.seed)
+    """Run the cores through one episode and score it; draw and film it if a folder is given."""
     if task.out is not None:
         _make_folder(task.out)
-    log = _play(world, settings, task)
+    world = scenario(task.scenario, task.seed)
+    return _judged(_play(world, settings, task), settings, task)
+
+
+def run_in_processes(
+    settings: StackSettings, config: Path | None, stop: threading.Event, task: EpisodeTask
+) -> EpisodeResult:
+    """The same through the real processes, in real time, without a film.
+
+    Args:
+        settings: what the processes read from the same `config`.
+        config: settings file of the services.
+        stop: gives the episode up when set.
+        task: which episode.
+    """
+    # Here and not above: Zenoh must not be imported before `guarded` has forked.
+    from evaluation.scenarios.processes import ProcessEpisode
+
+    if task.out is not None:
+        _make_folder(task.out)
+    log = ProcessEpisode(task.scenario, task.seed, config, stop).run()
+    return _judged(log, settings, task)
+
+
+def _judged(log: EpisodeLog, settings: StackSettings, task: EpisodeTask) -> EpisodeResult:
     scores = score_episode(log, settings.max_speed_mps)
     if task.out is not None:
         title = f"{task.scenario}, seed {task.seed} ({settings.mode})"
-        draw_episode(log, scores, world.scenery, title, task.out / f"{task.name}.png")
+        scenery = scenario(task.scenario, task.seed).scenery
+        draw_episode(log, scores, scenery, title, task.out / f"{task.name}.png")
     return EpisodeResult(scenario=task.scenario, seed=task.seed, scores=scores)
 
 

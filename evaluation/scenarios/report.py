@@ -15,6 +15,7 @@ from evaluation.following.scores import EpisodeScores, FollowingScores, summaris
 from schemas.errors import HeelError
 
 Mode = Literal["pixels", "simulated boxes"]
+Through = Literal["cores", "processes"]
 
 
 class EpisodeResult(BaseModel):
@@ -35,13 +36,18 @@ class ScenarioReport(BaseModel):
     episodes: int = Field(ge=1, description="how many")
     seed: int = Field(ge=0, description="of the first world of each scenario; others count up")
     mode: Mode = Field(description="simulated boxes: without detector, never the full stack")
+    through: Through = Field(description="cores on a simulated clock, or processes in real time")
     real_time_factor: float = Field(gt=0, description="simulated seconds per second of the run")
     overall: FollowingScores
     scenarios: dict[str, FollowingScores] = Field(description="by name")
 
 
 def make_report(
-    results: Sequence[EpisodeResult], seed: int, mode: Mode, wall_s: float
+    results: Sequence[EpisodeResult],
+    seed: int,
+    mode: Mode,
+    wall_s: float,
+    through: Through = "cores",
 ) -> ScenarioReport:
     """Sum up what was run.
 
@@ -56,6 +62,7 @@ def make_report(
         episodes=len(results),
         seed=seed,
         mode=mode,
+        through=through,
         real_time_factor=sum(result.scores.duration_s for result in results) / wall_s,
         overall=overall,
         scenarios={name: summarise(scores) for name, scores in by_scenario.items()},
@@ -111,6 +118,6 @@ def _cells(scores: FollowingScores) -> list[str]:
 
 def _caption(report: ScenarioReport) -> str:
     return (
-        f"{report.mode}, {report.episodes} episodes from seed {report.seed}, "
-        f"{report.real_time_factor:.1f} times real time"
+        f"{report.mode}, through {report.through}: {report.episodes} episodes from seed "
+        f"{report.seed}, {report.real_time_factor:.1f} times real time"
     )

@@ -31,7 +31,7 @@ def test_json_has_the_agreed_fields() -> None:
     report = json.loads(make_report(RESULTS, 7, "simulated boxes", wall_s=6.0).model_dump_json())
 
     assert set(report) == {
-        "episodes", "seed", "mode", "real_time_factor", "overall", "scenarios",
+        "episodes", "seed", "mode", "through", "real_time_factor", "overall", "scenarios",
     }  # fmt: skip
     assert (report["episodes"], report["mode"]) == (2, "simulated boxes")
     assert report["real_time_factor"] == pytest.approx(10.0)
@@ -48,7 +48,7 @@ def test_the_table_names_the_mode_and_fits_80_characters() -> None:
 
     assert [line.split()[0] for line in lines if line.strip()][2:4] == ["straight", "twin"]
     assert any(line.strip().startswith("overall") for line in lines)
-    assert any("simulated boxes, 2 episodes from seed 7, 10.0 times real" in line for line in lines)
+    assert "simulated boxes, through cores: 2 episodes from seed 7, 10.0 times" in " ".join(lines)
 
 
 def test_every_episode_becomes_a_line_that_names_the_mode(tmp_path: Path) -> None:
