@@ -20,7 +20,7 @@ class FollowerSettings(StrictSettings):
         0.5, gt=0, le=2, description="the robot stops this long after the last command"
     )
     max_tracks_age_s: float = Field(
-        0.25, gt=0, le=5, description="tracks of an older frame mean zero velocity"
+        0.22, gt=0, le=5, description="tracks of an older frame mean zero velocity"
     )
     max_ranges_age_s: float = Field(
         0.3, gt=0, le=5, description="ranges that were there once and are older mean zero velocity"
