@@ -53,7 +53,7 @@ def room_before_person_m(
     """How far the robot may go straight ahead before somebody is nearer than `space_m`.
 
     The person is taken to stop as hard as people can or to walk on for up to a second, whichever
-    is worse.
+    is worse. Somebody within that space counts only while the robot heads at them.
 
     Args:
         place: of the person, metres ahead and to the left.
@@ -68,7 +68,11 @@ def room_before_person_m(
     for t_s in (stops_within_s, *_LOOK_AHEAD_S):
         x = place[0] + velocity[0] * t_s
         y = place[1] + velocity[1] * t_s
-        if x > 0 and abs(y) < space_m:
+        if (
+            x > 0
+            and abs(y) < space_m
+            and not (math.hypot(x, y) < space_m and math.atan2(abs(y), x) > _BESIDE_RAD)
+        ):
             room_m = min(room_m, x - math.sqrt(space_m * space_m - y * y))
     return max(0.0, room_m)
 

@@ -14,7 +14,7 @@ from services.follower.people_ranges import RangesInTime
 from services.geometry.camera import Pinhole, camera_from_info
 from services.geometry.person import PersonModel, locate_person
 
-_FORGOTTEN_AFTER_S = 1.0
+_FORGOTTEN_AFTER_S = 0.6
 _FARTHEST_M = 100.0
 _VARYING_SHARE = 0.4
 """Of the distance's uncertainty: the rest, the person's height, is the same in every frame."""
@@ -71,7 +71,7 @@ class People:
 
     @property
     def known(self) -> dict[int, Person]:
-        """Those seen well within the last second, and the one who is kept."""
+        """Those seen well within the last moments, and the one who is kept."""
         return self._known
 
     def observe(self, ranges: Ranges, now_s: float) -> None:

