@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, Evidence, FrameId, Tracks
+from schemas import Blobs, CameraMotion, Evidence, FrameId, Tracks
 from schemas.blobs import MAX_BLOBS
+from services.detector.camera_motion import MotionEstimate
+from services.detector.ego.foreground import EgoForeground
 from services.detector.geometry import WorkSize
 from services.detector.mixture.foreground import MixtureForeground
 from services.detector.mog2.foreground import Mog2Foreground
@@ -16,6 +19,11 @@ from services.detector.packing import pack
 from services.detector.regions import Foreground
 from services.detector.settings import DetectorSettings
 
+_MODELS: dict[str, Callable[[WorkSize, DetectorSettings], Foreground]] = {
+    "mixture": MixtureForeground,
+    "mog2": Mog2Foreground,
+    "ego": EgoForeground,
+}
 SceneKey = tuple[str, int, int, int]
 """Stream, epoch, width, height."""
 
@@ -73,6 +81,7 @@ class Detector:
             blobs=pack(kept, small, scene.size),
             blobs_left_out=len(seen.regions) - len(kept),
             evidence=Evidence.from_array(seen.evidence),
+            camera_motion=_camera_motion(seen.motion, scene.size),
             detector=scene.foreground.name,
             background="learning" if seen.learning else "valid",
             background_reason=scene.reason if seen.learning else "",
@@ -84,7 +93,7 @@ class Detector:
         key = (frame.stream, frame.epoch, width, height)
         if self._scene is None or key != self._scene.key:
             size = WorkSize.of_frame(width, height, self.settings.work_width_px)
-            model = MixtureForeground if self.settings.background == "mixture" else Mog2Foreground
+            model = _MODELS[self.settings.background]
             reason = _reason(self._scene.key if self._scene else None, key)
             self._scene = _Scene(key, size, model(size, self.settings), reason)
         return self._scene
@@ -94,6 +103,16 @@ class Detector:
             return None
         of = (feedback.stream, feedback.epoch, feedback.width, feedback.height)
         return feedback if of == scene.key else None
+
+
+def _camera_motion(motion: MotionEstimate | None, size: WorkSize) -> CameraMotion | None:
+    """The motion in frame pixels."""
+    if motion is None:
+        return None
+    (xx, xy, x), (yx, yy, y) = motion.affine
+    aspect = size.scale_x / size.scale_y
+    affine = (xx, xy * aspect, x * size.scale_x, yx / aspect, yy, y * size.scale_y)
+    return CameraMotion(affine=affine, quality=motion.quality)
 
 
 def _reason(before: SceneKey | None, now: SceneKey) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas import FrameId, Tracks
+from services.detector.camera_motion import MotionEstimate
 
 Indices = NDArray[np.intp]
 """Positions in a flattened map, ascending."""
@@ -37,12 +38,14 @@ class Seen:
         regions: foreground regions, largest first.
         learning: whether the model has only just started and is not to be believed yet.
         protected_seq: frame whose tracks were kept out of the model just now, if any.
+        motion: of the camera since the frame before, None where it is taken to stand still.
     """
 
     evidence: NDArray[np.uint8]
     regions: list[Region]
     learning: bool
     protected_seq: int | None
+    motion: MotionEstimate | None = None
 
 
 class Foreground(Protocol):

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from services.runtime.settings import ServiceSettings
 
 Preset = Literal["default", "paper"]
-Background = Literal["mixture", "mog2"]
+Background = Literal["mixture", "mog2", "ego"]
 
 # The paper's own numbers, which nothing overrides, are in `mog2/numbers.py`.
 _PAPER: dict[str, Any] = {
@@ -33,7 +33,8 @@ class DetectorSettings(BaseModel):
     preset: Preset = Field(default="default", description="paper: the published method as printed")
     background: Background = Field(
         default="mixture",
-        description="model of the background: mixture learns around people, mog2 is OpenCV's",
+        description="model of the background: mixture learns around people, mog2 is OpenCV's, "
+        "ego is carried along with a camera that moves",
     )
     work_width_px: Annotated[int, Field(ge=16, le=1024)] = Field(
         default=480, description="frames wider than this are shrunk before anything else, pixels"
@@ -47,6 +48,9 @@ class DetectorSettings(BaseModel):
     foreground_sigmas: Annotated[float, Field(ge=1, le=30)] = Field(
         default=3.2,
         description="mixture: distance from the background that is foreground, standard deviations",
+    )
+    carried_sigmas: Annotated[float, Field(ge=1, le=30)] = Field(
+        default=3.0, description="ego: the same, for the background that moves with the camera"
     )
     learning_rate_per_s: Annotated[float, Field(gt=0, le=10)] = Field(
         default=0.14, description="mixture: how fast the background follows the picture, 1/s"
