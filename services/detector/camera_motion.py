@@ -20,9 +20,13 @@ Affine = NDArray[np.float64]
 _MOST_CORNERS, _CORNER_QUALITY, _CORNER_SPACING_PX = 250, 0.01, 8
 _WINDOW_PX, _PYRAMID_LEVELS = 15, 4
 _INLIER_PX = 1.0
+_STILL_PX = 0.3
 _LEAST_CORNERS = 12
 _LEAST_SHARE = 0.3
+_LEAST_SPREAD = (0.35, 0.2)
+"""Share of the picture's width and height that corners have to span."""
 _LARGEST_ZOOM = 1.3
+_PASSED_OVER = 5
 
 
 @dataclass(frozen=True)
@@ -32,10 +36,12 @@ class MotionEstimate:
     Attributes:
         affine: old to new pixels; the identity where nothing can be said.
         quality: share of the corners that agree with it, 0 where nothing can be said.
+        still: share of the corners that have not moved in the picture.
     """
 
     affine: Affine
     quality: float
+    still: float = 0.0
 
     @property
     def is_known(self) -> bool:
@@ -66,27 +72,36 @@ def moved_points(affine: Affine, points: NDArray[np.float64]) -> NDArray[np.floa
 
 
 class EgoMotion:
-    """Keeps the last frame's picture and estimates the motion to each next one."""
+    """Estimates the motion from frame to frame.
+
+    A frame to which the motion cannot be told, blurred say, is passed over: the next estimate is
+    since the last frame that could be placed. After several such frames it starts anew.
+    """
 
     def __init__(self) -> None:
         self._before: NDArray[np.uint8] | None = None
+        self._passed_over = 0
 
     def update(self, grey: NDArray[np.uint8], free: NDArray[np.uint8]) -> MotionEstimate:
-        """Motion since the frame before.
+        """Motion since the last frame that could be placed.
 
         Args:
             grey: (H, W) uint8; kept, so it must not be written to afterwards.
             free: (H, W) uint8 in the frame before: 0 where people are, else 255.
         """
-        before, self._before = self._before, grey
-        if before is None or before.shape != grey.shape:
-            return no_motion()
-        return _estimate(before, grey, free)
+        motion = no_motion()
+        if self._before is not None and self._before.shape == grey.shape:
+            motion = estimate_motion(self._before, grey, free)
+        self._passed_over = 0 if motion.is_known else self._passed_over + 1
+        if motion.is_known or self._before is None or self._passed_over > _PASSED_OVER:
+            self._before, self._passed_over = grey, 0
+        return motion
 
 
-def _estimate(
+def estimate_motion(
     before: NDArray[np.uint8], now: NDArray[np.uint8], free: NDArray[np.uint8]
 ) -> MotionEstimate:
+    """Motion from one (H, W) uint8 picture to another; `free` as `EgoMotion.update`."""
     corners = cv2.goodFeaturesToTrack(
         before, _MOST_CORNERS, _CORNER_QUALITY, _CORNER_SPACING_PX, mask=free
     )
@@ -106,6 +121,17 @@ def _estimate(
         return no_motion()
     share = float(np.count_nonzero(inliers)) / len(corners)
     zoom = float(np.hypot(affine[0, 0], affine[1, 0]))
-    if share < _LEAST_SHARE or not 1.0 / _LARGEST_ZOOM < zoom < _LARGEST_ZOOM:
+    agreeing = corners[tracked][np.asarray(inliers).ravel() == 1].reshape(-1, 2)
+    plausible = 1.0 / _LARGEST_ZOOM < zoom < _LARGEST_ZOOM and _is_spread(agreeing, now)
+    if share < _LEAST_SHARE or not plausible:
         return no_motion()
-    return MotionEstimate(np.asarray(affine, np.float64), min(share, 1.0))
+    flow = (found - corners)[tracked].reshape(-1, 2)
+    still = float(np.count_nonzero((flow**2).sum(axis=1) < _STILL_PX**2)) / len(corners)
+    return MotionEstimate(np.asarray(affine, np.float64), min(share, 1.0), still)
+
+
+def _is_spread(corners: NDArray[np.float32], picture: NDArray[np.uint8]) -> bool:
+    """Whether corners lie about the picture: those on one person say nothing of the camera."""
+    low, high = np.percentile(corners, [5, 95], axis=0)
+    share = (high - low) / (picture.shape[1], picture.shape[0])
+    return bool((share > _LEAST_SPREAD).all())

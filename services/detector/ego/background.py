@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from schemas.blobs import FOREGROUND, SHADOW
 from services.detector.camera_motion import Affine
-from services.detector.regions import Indices, indices_of
+from services.detector.regions import Indices, Learned, indices_of
 from services.detector.shadow import is_shadow
 
 FloatMap = NDArray[np.float32]
@@ -25,6 +25,7 @@ _NEW_VARIANCE = 150.0
 _VARIANCE_FLOOR, _VARIANCE_CEILING = 20.0, 900.0
 _LEARNED_FLOOR = 4.0
 _SLOWEST = 0.05
+_RESUMED_FRAMES = 20.0
 _FOREGROUND_SHARE = 0.2
 """Of the learning rate, on foreground that no confirmed person explains."""
 _WARP_ERROR_PX = 0.5
@@ -51,6 +52,18 @@ class CarriedBackground:
         self.age: FloatMap = np.zeros(shape, np.float32)
         self._distance2: FloatMap = np.zeros(shape, np.float32)
         self._evidence = np.zeros(shape, np.uint8)
+
+    def resume(self, learned: Learned) -> None:
+        """Go on with what another model has learned."""
+        self.mean = learned.mean.copy()
+        self._variance = learned.variance.copy()
+        self.age[learned.known > 0] = _RESUMED_FRAMES
+
+    @property
+    def learned(self) -> Learned:
+        """What is known by now."""
+        known = np.where(self.age >= KNOWN_FRAMES, np.uint8(255), np.uint8(0))
+        return Learned(self.mean, self._variance, known)
 
     def move(self, affine: Affine, image: NDArray[np.uint8]) -> None:
         """Move the model by the camera's motion; what comes into view starts with the image.

@@ -15,12 +15,14 @@ from services.detector.free_mask import free_mask
 from services.detector.geometry import WorkSize
 from services.detector.mixture.foreground import find_regions
 from services.detector.motion import FrameDifference, mark_moving
-from services.detector.regions import Seen, smoothed
+from services.detector.regions import Learned, Seen, smoothed
 from services.detector.settings import DetectorSettings
 
 _MEDIAN_PX = 5
 _LEARNING_FRAMES = 4
 _KEPT_FRAMES = 64
+_LOST_FRAMES = 5
+"""Frames without known motion after which the model starts over."""
 
 
 class CameraPath:
@@ -29,20 +31,29 @@ class CameraPath:
     def __init__(self) -> None:
         self._total: Affine = np.eye(2, 3)
         self._by_seq: OrderedDict[int, Affine] = OrderedDict()
+        self._first_seq: int | None = None
 
     def add(self, seq: int, motion: Affine) -> None:
         """The camera moved by `motion` to get to frame `seq`."""
+        if self._first_seq is None:
+            self._first_seq = seq
         self._total = compose(motion, self._total)
         self._by_seq[seq] = self._total
         while len(self._by_seq) > _KEPT_FRAMES:
             self._by_seq.popitem(last=False)
 
     def since(self, seq: int) -> Affine | None:
-        """Motion from frame `seq` to the newest; None if that is too long ago."""
+        """Motion from frame `seq` to the newest; None if that is too long ago.
+
+        Before the first frame the camera stood still.
+        """
+        if self._first_seq is not None and seq < self._first_seq:
+            return self._total
         then = self._by_seq.get(seq)
         if then is None:
             return None
-        return compose(self._total, np.asarray(cv2.invertAffineTransform(then), np.float64))
+        back = np.asarray(cv2.invertAffineTransform(then), np.float64)
+        return compose(self._total, back)
 
 
 class EgoForeground:
@@ -50,23 +61,50 @@ class EgoForeground:
 
     name = "ego"
 
-    def __init__(self, size: WorkSize, settings: DetectorSettings) -> None:
+    def __init__(
+        self, size: WorkSize, settings: DetectorSettings, learned: Learned | None = None
+    ) -> None:
+        """Start with nothing known, or with what another model has learned."""
         self._size = size
         self._settings = settings
+        self._resumed = learned
         self._ego = EgoMotion()
         self._path = CameraPath()
         self._difference = FrameDifference()
         self._model: CarriedBackground | None = None
         self._frames = 0
+        self._lost_frames = 0
         self._free = np.full((size.height, size.width), 255, np.uint8)
 
-    def look(self, image: NDArray[np.uint8], frame: FrameId, feedback: Tracks | None) -> Seen:
-        """See and learn one frame."""
+    @property
+    def learned(self) -> Learned:
+        """What is known by now; only after the first frame."""
+        assert self._model is not None
+        return self._model.learned
+
+    def look(
+        self,
+        image: NDArray[np.uint8],
+        frame: FrameId,
+        feedback: Tracks | None,
+        first_motion: MotionEstimate | None = None,
+    ) -> Seen:
+        """See and learn one frame.
+
+        Args:
+            image: (H, W, 3) uint8 BGR at working size.
+            frame: which frame this is.
+            feedback: tracks of an earlier frame of this scene.
+            first_motion: in the first frame, the motion since what was learned before.
+        """
         smooth = smoothed(image, self._settings.blur_px)
         self._frames += 1
         grey = np.asarray(cv2.cvtColor(smooth, cv2.COLOR_BGR2GRAY), np.uint8)
         motion = self._ego.update(grey, self._free)
-        model = self._moved(motion, smooth)
+        motion = motion if first_motion is None else first_motion
+        model = self._carried(motion, smooth)
+        if model is None:
+            return Seen(None, [], False, None, motion, "the camera's motion cannot be told")
         self._path.add(frame.seq, motion.affine)
         moving = self._difference.update(smooth, frame.t_capture_ns, motion.affine)
         evidence = model.classify(smooth, moving)
@@ -78,15 +116,28 @@ class EgoForeground:
         learning = self._frames <= _LEARNING_FRAMES
         return Seen(evidence, regions, learning, protected_seq, motion)
 
-    def _moved(self, motion: MotionEstimate, smooth: NDArray[np.uint8]) -> CarriedBackground:
-        """The model in this frame's pixels; a new one where the camera's motion is unknown."""
-        if self._model is None or not motion.is_known:
-            self._model = CarriedBackground(
-                smooth, self._settings.carried_sigmas, self._settings.shadow_ratio
-            )
-            self._frames = 1
-        else:
+    def _carried(
+        self, motion: MotionEstimate, smooth: NDArray[np.uint8]
+    ) -> CarriedBackground | None:
+        """The model in this frame's pixels; None while the camera's motion is unknown.
+
+        When it stays unknown the model starts over.
+        """
+        if self._model is not None and motion.is_known:
+            self._lost_frames = 0
             self._model.move(motion.affine, smooth)
+            return self._model
+        self._lost_frames += 1
+        if self._model is not None and self._lost_frames <= _LOST_FRAMES:
+            return None
+        self._frames, self._lost_frames = 1, 0
+        self._model = CarriedBackground(
+            smooth, self._settings.carried_sigmas, self._settings.shadow_ratio
+        )
+        if self._resumed is not None:
+            self._model.resume(self._resumed)
+            self._model.move(motion.affine, smooth)
+            self._frames, self._resumed = _LEARNING_FRAMES, None
         return self._model
 
     def _protect(

@@ -14,7 +14,7 @@ from services.detector.mixture.late import LateFrames
 from services.detector.mixture.model import BackgroundMixture
 from services.detector.mixture.startup import StillnessGate
 from services.detector.motion import FrameDifference, mark_moving
-from services.detector.regions import Indices, Region, Seen, regions_of, smoothed
+from services.detector.regions import Indices, Learned, Region, Seen, regions_of, smoothed
 from services.detector.settings import DetectorSettings
 
 _GHOST_FRAMES = 3
@@ -27,7 +27,11 @@ class MixtureForeground:
 
     name = "mixture"
 
-    def __init__(self, size: WorkSize, settings: DetectorSettings) -> None:
+    def __init__(
+        self, size: WorkSize, settings: DetectorSettings, learned: Learned | None = None
+    ) -> None:
+        """Start with nothing known, or with what another model has learned."""
+        self._learned = learned
         self._size = size
         self._settings = settings
         self._motion = FrameDifference()
@@ -55,9 +59,18 @@ class MixtureForeground:
             settings.learning_rate_per_s,
             settings.shadow_ratio,
         )
-        self._gate = StillnessGate(shape, t_ns, settings.startup_s)
+        known = None
+        if self._learned is not None:
+            self._model.resume(self._learned)
+            known, self._learned = self._learned.known, None
+        self._gate = StillnessGate(shape, t_ns, settings.startup_s, known)
         self._ghosts = GhostFinder(shape, t_ns)
         self._late = LateFrames(self._size, settings.feedback_lag_frames, t_ns)
+
+    @property
+    def learned(self) -> Learned:
+        """What is known by now; only after the first frame."""
+        return Learned(self._model.mean, self._model.variance, self._gate.known)
 
     def _learn(self, feedback: Tracks | None) -> int | None:
         protected_seq = None

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.blobs import FOREGROUND, SHADOW
-from services.detector.regions import Indices, indices_of
+from services.detector.regions import Indices, Learned, indices_of
 from services.detector.shadow import is_shadow
 
 FloatMap = NDArray[np.float32]
@@ -25,6 +25,7 @@ VARIANCE_FLOOR = 9.0
 _VARIANCE_CEILING = 900.0
 _INITIAL_VARIANCE = 25.0
 _RESTART_WEIGHT = 0.1
+_RESUMED_FRAMES = 25
 _SHADOW_CHROMA2 = 81.0
 _MEAN_OF_CHANNELS = np.full((1, 3), 1.0 / 3.0, np.float32)
 
@@ -94,6 +95,17 @@ class BackgroundMixture:
         index = indices_of(np.asarray(cv2.bitwise_xor(matched, free), np.uint8))
         if index.size:
             self._challenge(image.reshape(-1, 3).take(index, 0), index, rate)
+
+    @property
+    def variance(self) -> FloatMap:
+        """(H, W), grey levels squared."""
+        return self._variance
+
+    def resume(self, learned: Learned) -> None:
+        """Go on with what another model has learned, as if it were a second old."""
+        self.mean[:] = learned.mean
+        np.clip(learned.variance, VARIANCE_FLOOR, _VARIANCE_CEILING, out=self._variance)
+        self._frames = max(self._frames, _RESUMED_FRAMES)
 
     def restart(self, image: NDArray[np.uint8], index: Indices) -> None:
         """Take the image as the background at these pixels."""
