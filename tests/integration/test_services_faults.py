@@ -142,7 +142,7 @@ def test_services_end_cleanly_within_two_seconds_of_a_signal(
                 running("-m", f"services.{name}", "--instance", "signals", "--camera", "signals",
                         "--connect", endpoint)
             )
-            for name in (*SERVICES, "capture")
+            for name in (*SERVICES, "capture", "drive")
         }  # fmt: skip
         for name, process in started.items():
             network.wait_until(lambda p=process: is_up(p), f"{name} up", 30.0)
@@ -160,7 +160,7 @@ def free_port() -> int:
         return port
 
 
-@pytest.mark.parametrize("service", SERVICES)
+@pytest.mark.parametrize("service", [*SERVICES, "drive"])
 def test_without_a_router_one_line_says_so(service: str) -> None:
     address = f"tcp/127.0.0.1:{free_port()}"
     code, out, err = finished(
@@ -194,7 +194,7 @@ def test_services_outlive_their_router_and_still_end_in_time() -> None:
         assert (code, took_s < 2.0) == (0, True), service.stderr()
 
 
-@pytest.mark.parametrize("service", SERVICES)
+@pytest.mark.parametrize("service", [*SERVICES, "drive"])
 def test_an_unknown_key_in_the_file_is_one_line(service: str, tmp_path: Path) -> None:
     file = tmp_path / "heel.toml"
     file.write_text(f"[{service}]\ncamra = 'front'\n")

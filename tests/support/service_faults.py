@@ -18,6 +18,7 @@ from schemas import (
     Header,
     Health,
     Message,
+    MotionCommand,
     Stamp,
     Tracks,
     decode,
@@ -81,7 +82,7 @@ def good_messages(seq: int) -> dict[str, Put]:
 
 _CAPS = {
     "image": MAX_IMAGE_BYTES, "tracks": Tracks.max_bytes, "blobs": Blobs.max_bytes,
-    "estop": EStop.max_bytes, "info": CameraInfo.max_bytes,
+    "estop": EStop.max_bytes, "info": CameraInfo.max_bytes, "command": MotionCommand.max_bytes,
 }  # fmt: skip
 
 
