@@ -13,12 +13,14 @@ from services.detector.camera_motion import Affine, EgoMotion, MotionEstimate, c
 from services.detector.ego.background import CarriedBackground
 from services.detector.free_mask import free_mask
 from services.detector.geometry import WorkSize
-from services.detector.mixture.foreground import find_regions
+from services.detector.mixture.foreground import find_regions, foreground
+from services.detector.mixture.ghosts import GhostFinder
 from services.detector.motion import FrameDifference, mark_moving
 from services.detector.regions import Learned, Seen, smoothed
 from services.detector.settings import DetectorSettings
 
 _MEDIAN_PX = 5
+_GHOST_FRAMES = 3
 _LEARNING_FRAMES = 4
 _KEPT_FRAMES = 64
 _LOST_FRAMES = 5
@@ -71,6 +73,7 @@ class EgoForeground:
         self._ego = EgoMotion()
         self._path = CameraPath()
         self._difference = FrameDifference()
+        self._ghosts: GhostFinder | None = None
         self._model: CarriedBackground | None = None
         self._frames = 0
         self._lost_frames = 0
@@ -106,15 +109,32 @@ class EgoForeground:
         if model is None:
             return Seen(None, [], False, None, motion, "the camera's motion cannot be told")
         self._path.add(frame.seq, motion.affine)
+        if self._ghosts is not None:
+            self._ghosts.move(motion.affine)
         moving = self._difference.update(smooth, frame.t_capture_ns, motion.affine)
         evidence = model.classify(smooth, moving)
         evidence = np.asarray(cv2.medianBlur(evidence, _MEDIAN_PX), np.uint8)
+        self._dissolve(model, smooth, evidence, frame.t_capture_ns)
         self._free, protected_seq = self._protect(frame, feedback)
         model.learn(smooth, self._free)
         regions = find_regions(evidence, self._settings.min_blob_area_px)
         evidence = mark_moving(evidence, moving)
         learning = self._frames <= _LEARNING_FRAMES
         return Seen(evidence, regions, learning, protected_seq, motion)
+
+    def _dissolve(
+        self,
+        model: CarriedBackground,
+        smooth: NDArray[np.uint8],
+        evidence: NDArray[np.uint8],
+        t_ns: int,
+    ) -> None:
+        """Learn at once where somebody who was learned has walked away."""
+        if not self._settings.dissolve_ghosts or self._frames % _GHOST_FRAMES:
+            return
+        if self._ghosts is None:
+            self._ghosts = GhostFinder(evidence.shape[:2], t_ns)
+        model.restart(smooth, self._ghosts.find(smooth, model.mean, foreground(evidence), t_ns))
 
     def _carried(
         self, motion: MotionEstimate, smooth: NDArray[np.uint8]

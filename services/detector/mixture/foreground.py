@@ -86,7 +86,7 @@ class MixtureForeground:
         evidence = self._gate.correct(evidence, moving)
         evidence = mark_moving(np.asarray(cv2.medianBlur(evidence, _MEDIAN_PX), np.uint8), moving)
         if self._settings.dissolve_ghosts and self._frames % _GHOST_FRAMES == 0:
-            ghosts = self._ghosts.find(smooth, self._model.mean, _foreground(evidence), t_ns)
+            ghosts = self._ghosts.find(smooth, self._model.mean, foreground(evidence), t_ns)
             self._restart(smooth, ghosts)
         return evidence
 
@@ -100,11 +100,11 @@ def find_regions(evidence: NDArray[np.uint8], min_area_px: int) -> list[Region]:
 
     Small ones stay: a person cut up by a lamp post is put together by the tracker.
     """
-    closed = cv2.morphologyEx(_foreground(evidence), cv2.MORPH_CLOSE, _CLOSE)
+    closed = cv2.morphologyEx(foreground(evidence), cv2.MORPH_CLOSE, _CLOSE)
     regions = regions_of(np.asarray(closed, np.uint8))
     return [region for region in regions if region.area >= min_area_px]
 
 
-def _foreground(evidence: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def foreground(evidence: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """255 where FOREGROUND or MOVING, else 0."""
     return np.asarray(cv2.threshold(evidence, FOREGROUND - 1, 255, cv2.THRESH_BINARY)[1], np.uint8)
