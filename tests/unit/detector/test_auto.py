@@ -109,7 +109,7 @@ def test_somebody_who_walks_is_foreground_before_and_after_the_pan_begins() -> N
 
 def test_confirmed_people_are_not_learned_while_the_camera_moves() -> None:
     cameras = STANDING + PANNING + STANDING_AGAIN[:8]
-    person = 300.0
+    person = 360.0
     boxes: list[Person] = [
         (round(person - camera[0]), round(190 - camera[1]), *PERSON) for camera in cameras
     ]
