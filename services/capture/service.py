@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from schemas import CameraInfo, EndOfStream, HeelError, MessageError, Progress, decode, encode, keys
+from schemas.image import MAX_IMAGE_BYTES
 from services.capture.credit import CreditWindow
 from services.capture.pacing import Pacer
 from services.capture.packing import StreamIdentity, fit_to_cap, pack_frame
@@ -16,9 +17,13 @@ from services.capture.settings import CaptureSettings
 from services.capture.source import Frame, FrameSource, SourceTimeout
 from services.capture.sources import open_source
 from services.runtime import qos
+from services.runtime.frame_memory import FrameMemory
 from services.runtime.publishing import Latched
 from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from services.runtime.settings import Loaded
+
+_LIVE_FRAMES = 6
+"""Frames that two receivers can hold between them, each at work on one with two waiting."""
 
 
 class CaptureService:
@@ -40,6 +45,10 @@ class CaptureService:
             context.settings.await_consumers, self._identity.epoch, qos.LOSSLESS_WINDOW_FRAMES
         )
         self._out = context.publisher(keys.image(context.settings.camera), qos.IMAGE)
+        self._memory: FrameMemory | None = None
+        if context.shared_memory and context.settings.image_encoding == "raw":
+            frames = qos.LOSSLESS_WINDOW_FRAMES + 2 if self._lossless else _LIVE_FRAMES
+            self._memory = FrameMemory(frames, context.log)
         self._info: Latched | None = None
         self._seq = 0
         self._shape: tuple[int, ...] | None = None
@@ -50,6 +59,7 @@ class CaptureService:
         if self._lossless:
             context.subscribe("progress", keys.all_progress(self._settings.camera), qos.PROGRESS)
         with Latched(context.session, keys.info(self._settings.camera), qos.INFO) as self._info:
+            self._make_room()
             context.announce()
             if self._lossless:
                 self._await(lambda: self._out.has_listeners, "a listener on the image topic")
@@ -62,6 +72,12 @@ class CaptureService:
                 self._end(str(error)[:512])
                 raise
             self._end(reason)
+
+    def _make_room(self) -> None:
+        """Take the memory for frames before the first one is due."""
+        frame_bytes = 3 * self._source.width * self._source.height
+        if self._memory is not None and frame_bytes <= MAX_IMAGE_BYTES:
+            self._memory.make_room(frame_bytes)
 
     def _send_all(self) -> str:
         limit = self._settings.frames or math.inf
@@ -126,7 +142,8 @@ class CaptureService:
             self._identity, frame, self._seq, t_capture_ns, age_ns,
             self._settings.image_encoding, self._settings.jpeg_quality,
         )  # fmt: skip
-        self._out.send_bytes(payload, header.image_encoding, encode(header))
+        held = payload if self._memory is None else self._memory.hold(payload)
+        self._out.send_bytes(held, header.image_encoding, encode(header))
         self._seq += 1
         now_ns = time.monotonic_ns()
         self._context.statistics.input(acquired_ns * 1e-9)

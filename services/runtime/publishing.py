@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import TypeVar
 
 import zenoh
+from zenoh.shm import ZShmMut
 
 from schemas import EndOfStream, Message, MessageError, Stamp, decode, encode
 from schemas.base import MAX_AGE_NS
@@ -47,7 +48,7 @@ class StreamPublisher:
         stamp = Stamp(producer=self._producer, t_sent_ns=time.time_ns(), age_ns=age_ns)
         self.send_bytes(encode(message), message.encoding(), encode(stamp))
 
-    def send_bytes(self, payload: bytes, encoding: str, attachment: bytes) -> None:
+    def send_bytes(self, payload: bytes | ZShmMut, encoding: str, attachment: bytes) -> None:
         """Send bytes that are coded already."""
         self._publisher.put(payload, encoding=encoding, attachment=attachment)
 

@@ -57,6 +57,8 @@ class ServiceContext(Generic[S]):
     statistics: ServiceStatistics
     log: logging.Logger
     producer: str
+    shared_memory: bool
+    """Whether large messages are to go through shared memory."""
     stop: threading.Event
     announce: Callable[[], None]
     """Call once subscriptions are declared: from then on the service counts as present."""
@@ -184,16 +186,17 @@ def _serve(
         inbox = stack.enter_context(Inbox(session))
 
         def announce() -> None:
+            process.spare_from_collection()
             token = session.liveliness().declare_token(keys.alive(name, settings.instance))
             stack.callback(token.undeclare)
             log.info("%s is up", producer)
 
         health.start()
-        main(
-            ServiceContext(
-                name, settings, session, inbox, statistics, log, producer, stop, announce
-            )
-        )
+        context = ServiceContext(
+            name, settings, session, inbox, statistics, log, producer,
+            loaded.zenoh.shared_memory, stop, announce,
+        )  # fmt: skip
+        main(context)
         log.info("%s ends: received %d, sent %d, dropped %d, malformed %d", producer,
                  statistics.received, statistics.sent, statistics.dropped,
                  statistics.malformed)  # fmt: skip

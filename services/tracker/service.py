@@ -36,6 +36,7 @@ def serve(context: ServiceContext[TrackerServiceSettings]) -> None:
         now_s = time.monotonic()
         out.send(tracks, received.age_s(now_s))
         context.statistics.output(now_s, now_s - started_s, received.age_s(now_s))
+        tracker.settle()
 
 
 def run(loaded: Loaded[TrackerServiceSettings]) -> int:

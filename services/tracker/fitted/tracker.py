@@ -65,6 +65,7 @@ class FittedTracker:
         self._shape: tuple[int, ...] = (0, 0)
         self._frame = 0
         self._identities = Identities()
+        self._unsettled: FloatMap | None = None
 
     def update(self, blobs: Blobs, evidence: Image | None, dt_s: float) -> list[Track]:
         """Tracks of one frame, by id.
@@ -75,6 +76,7 @@ class FittedTracker:
                 with one of another size than before everybody is forgotten.
             dt_s: seconds since the frame before.
         """
+        self.settle()
         if evidence is not None and evidence.shape != self._shape:
             rows = evidence.shape[0]
             self._shape = evidence.shape
@@ -91,6 +93,12 @@ class FittedTracker:
         else:
             self._take_in(blobs, evidence, self._scale, dt_s)
         return Reporter(blobs, self._shape, self._scale, self._settings).tracks(self._people)
+
+    def settle(self) -> None:
+        """Refit the scene's scale with the frame before, if `update` has yet to do so."""
+        evidence, self._unsettled = self._unsettled, None
+        if evidence is not None and self._scale is not None:
+            self._scale.update(evidence)
 
     def _outlasts(self, person: Person, dt_s: float) -> bool:
         person.miss(dt_s)
@@ -115,7 +123,7 @@ class FittedTracker:
         self._identify(blobs, evidence, scale.ratio)
         for sample in samples:
             scale.add_blob(sample.foot[1], sample.height)
-        scale.update(weighted)
+        self._unsettled = weighted
 
     def _loaded(self, evidence: FloatMap, scale: SceneScale) -> Canvas:
         lowest = scale.height(evidence.shape[0] * 1.1)
