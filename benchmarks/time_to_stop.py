@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import math
 import random
+import signal
+import sys
 import tempfile
 import time
 from dataclasses import dataclass
@@ -30,7 +32,7 @@ from schemas.errors import HeelError, SettingsError
 from services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-_WATCH_S = 0.6
+_WATCH_S = 0.4
 """How long the robot has to go on standing for the stop to count."""
 _NEVER_S = 5.0
 _ATTEMPTS = 5
@@ -135,6 +137,8 @@ def main(
     if not faults:
         names = ", ".join(fault.name for fault in all_faults())
         raise SettingsError(f"--only {only}: no such fault; there are {names}")
+    # Ended from outside, it still takes its processes along, also those that it has frozen.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     rng = random.Random(seed)
     rows = []
     with tempfile.TemporaryDirectory() as temporary, Rig(logs or Path(temporary)) as rig:

@@ -76,7 +76,9 @@ class Rig:
                 stack.enter_context(relay)
             for name in ("router", *CHAIN):
                 self.start(name)
-            connect = ZenohSettings(connect=(f"tcp/127.0.0.1:{self._router_port}",))
+            connect = ZenohSettings(
+                connect=(f"tcp/127.0.0.1:{self._router_port}",), connect_timeout_s=_READY_S
+            )
             session = open_session(connect, logging.getLogger("rig"), _pause)
             assert session is not None
             self.session = stack.enter_context(session)
@@ -98,7 +100,8 @@ class Rig:
             "drive": ("--driver", "record", "--driver-options", str(self._record)),
         }.get(name, ())
         if name in self.relays:
-            flags = (*flags, "--connect", f"tcp/127.0.0.1:{self.relays[name].port}")
+            endpoint = f"tcp/127.0.0.1:{self.relays[name].port}"
+            flags = (*flags, "--connect", endpoint, "--connect-timeout-s", f"{_READY_S:g}")
         kept = {key: value for key, value in os.environ.items() if not key.startswith("HEEL_")}
         environment = kept | {"PYTHONPATH": str(REPOSITORY), PARENT_VARIABLE: str(os.getpid())}
         with (self._folder / f"{name}.log").open("ab") as log:
