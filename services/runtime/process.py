@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import fcntl
 import gc
 import logging
 import os
@@ -71,9 +72,26 @@ def leave(code: int) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
+    remove_shared_memory()
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).exit(code)
     os._exit(code)
+
+
+def remove_shared_memory(folder: str = "/dev/shm/") -> None:
+    """Delete the Zenoh segments that nobody but this process, which is about to end, holds.
+
+    Zenoh leaves its pools and their index behind and removes them when the next session on the
+    machine starts. Everybody who maps a segment keeps a shared lock on its file: ours can only be
+    made exclusive by the last one. Whoever goes before leaves the segment to the others.
+    """
+    with suppress(OSError):
+        for descriptor in os.listdir("/proc/self/fd"):
+            with suppress(OSError):
+                segment = os.readlink(f"/proc/self/fd/{descriptor}")
+                if segment.startswith(folder) and segment.endswith(".zenoh"):
+                    fcntl.flock(int(descriptor), fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    os.unlink(segment)
 
 
 def cpu_s() -> float:
