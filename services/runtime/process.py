@@ -18,6 +18,9 @@ from typing import NoReturn
 _PR_SET_PDEATHSIG = 1
 PARENT_VARIABLE = "HEEL_PARENT_PID"
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_CAP_IPC_LOCK = 14
+_MOST_LOCKED_BYTES = 256 << 20
+"""Pools of three cameras of 1080p, and of all that work on them."""
 
 
 def keep_freed_memory() -> None:
@@ -76,6 +79,26 @@ def leave(code: int) -> NoReturn:
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).exit(code)
     os._exit(code)
+
+
+def may_lock_memory() -> bool:
+    """Whether this process may lock as much memory as shared memory may ever ask for.
+
+    Zenoh locks every segment that it makes or maps. A sender that may and a receiver that may not
+    lose messages between them (measured with the usual limit of 8 MiB, which two or three pools
+    reach; Zenoh issue 2788), so it is all or nothing.
+    """
+    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    return limit == resource.RLIM_INFINITY or limit >= _MOST_LOCKED_BYTES or _may_ignore_limit()
+
+
+def _may_ignore_limit() -> bool:
+    with suppress(OSError):
+        for line in Path("/proc/self/status").read_text().splitlines():
+            name, _, rest = line.partition(":")
+            if name == "CapEff":
+                return bool(int(rest, 16) >> _CAP_IPC_LOCK & 1)
+    return False
 
 
 def remove_shared_memory(folder: str = "/dev/shm/") -> None:
