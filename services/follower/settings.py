@@ -23,7 +23,7 @@ class FollowerSettings(StrictSettings):
         0.22, gt=0, le=5, description="tracks of an older frame mean zero velocity"
     )
     max_ranges_age_s: float = Field(
-        0.3, gt=0, le=5, description="ranges that were there once and are older mean zero velocity"
+        0.25, gt=0, le=5, description="ranges that were there once and are older mean zero velocity"
     )
     max_odometry_age_s: float = Field(
         0.3, gt=0, le=5, description="older odometry is not used; the commands count then"
