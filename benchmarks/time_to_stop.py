@@ -5,20 +5,20 @@ ports, lets the robot follow a drawn person, and brings each fault about again a
 counts only if the wheels turned at that moment. The wheels are those that the drive's driver is
 told (`record`, CLOCK_MONOTONIC).
 
-Example run: python -m benchmarks.time_to_stop --trials 20
+Example run: python -m benchmarks.time_to_stop --trials 20 --write docs/drive.md
 """
 
 from __future__ import annotations
 
 import math
 import random
+import signal
+import sys
 import tempfile
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -26,32 +26,15 @@ from rich.table import Table
 from benchmarks.common import Figure, median, write_json
 from benchmarks.stopping.faults import Fault, all_faults
 from benchmarks.stopping.rig import Rig
+from benchmarks.stopping.rows import Row, write_table
 from schemas.errors import HeelError, SettingsError
 from services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-_WATCH_S = 0.6
+_WATCH_S = 0.4
 """How long the robot has to go on standing for the stop to count."""
 _NEVER_S = 5.0
 _ATTEMPTS = 5
-
-
-@dataclass(frozen=True)
-class Row:
-    """All trials of one fault, ms; infinity for a robot that did not stop."""
-
-    name: str
-    bound_ms: float
-    times_ms: tuple[float, ...]
-
-    def percentile_ms(self, percent: float) -> float:
-        """The smallest measured time that so many percent of the trials do not exceed."""
-        return float(np.percentile(self.times_ms, percent, method="inverted_cdf"))
-
-    @property
-    def worst_ms(self) -> float:
-        """The longest."""
-        return max(self.times_ms)
 
 
 def measure(rig: Rig, fault: Fault, trials: int, rng: random.Random) -> Row:
@@ -100,11 +83,8 @@ def table_of(rows: list[Row]) -> Table:
     """One line per fault."""
     table = Table("fault", "trials", "median", "p95", "p99", "max", "bound", title="ms to zero")
     for row in rows:
-        figures = (median(row.times_ms), row.percentile_ms(95), row.percentile_ms(99), row.worst_ms)
-        table.add_row(
-            row.name, str(len(row.times_ms)), *(f"{figure:.0f}" for figure in figures),
-            f"{row.bound_ms:.0f}{'' if row.worst_ms <= row.bound_ms else '  MISSED'}",
-        )  # fmt: skip
+        *cells, bound = row.cells()
+        table.add_row(*cells, bound if row.worst_ms <= row.bound_ms else f"{bound}  MISSED")
     return table
 
 
@@ -127,6 +107,7 @@ def main(
     only: Annotated[str, typer.Option(help="faults whose name holds one of these, A,B")] = "",
     seed: Annotated[int, typer.Option(help="of the moments at which faults come")] = 1,
     json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    write: Annotated[Path | None, typer.Option(help="put the rows into this document")] = None,
     logs: Annotated[Path | None, typer.Option(help="keep the services' logs here")] = None,
 ) -> None:
     """Bring every fault about and print the times to a robot that stands."""
@@ -135,6 +116,8 @@ def main(
     if not faults:
         names = ", ".join(fault.name for fault in all_faults())
         raise SettingsError(f"--only {only}: no such fault; there are {names}")
+    # Ended from outside, it still takes its processes along, also those that it has frozen.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     rng = random.Random(seed)
     rows = []
     with tempfile.TemporaryDirectory() as temporary, Rig(logs or Path(temporary)) as rig:
@@ -145,6 +128,8 @@ def main(
             )
     Console().print(table_of(rows))
     write_json(figures_of(rows), json)
+    if write is not None:
+        write_table(rows, [fault.name for fault in all_faults()], write)
     missed = [row.name for row in rows if row.worst_ms > row.bound_ms]
     if missed:
         raise HeelError(f"too slow: {', '.join(missed)}")

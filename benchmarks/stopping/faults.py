@@ -41,6 +41,7 @@ def all_faults() -> list[Fault]:
         _view("camera black", "black"),
         _view("camera silent", "silent"),
         _view("person gone", "nobody"),
+        _silent_ranges(),
         *(fault for name in ("capture", "detector", "tracker") for fault in _of(name, INPUT_MS)),
         *_of("follower", WATCHDOG_MS),
         _killed("router", WATCHDOG_MS),
@@ -85,6 +86,15 @@ def _view(name: str, view: View) -> Fault:
         rig.camera.view = what
 
     return Fault(name, INPUT_MS, lambda rig: show(rig, view), lambda rig: show(rig, "person"))
+
+
+def _silent_ranges() -> Fault:
+    def silence(rig: Rig, silent: bool) -> None:
+        rig.ranges.silent = silent
+
+    return Fault(
+        "ranges silent", INPUT_MS, lambda rig: silence(rig, True), lambda rig: silence(rig, False)
+    )
 
 
 def _estop(rig: Rig, engaged: bool) -> None:

@@ -18,13 +18,25 @@ import zenoh
 
 from benchmarks.common import REPOSITORY
 from benchmarks.stopping.camera import FaultyCamera
+from benchmarks.stopping.ranges import RangeSensor
 from benchmarks.stopping.relay import Relay
-from schemas import HeelError, Message, MotionCommand, Stamp, TargetRequest, decode, encode, keys
+from schemas import (
+    HeelError,
+    Message,
+    MotionCommand,
+    Ranges,
+    Stamp,
+    TargetRequest,
+    decode,
+    encode,
+    keys,
+)
 from services.runtime.process import PARENT_VARIABLE
 from services.runtime.session import open_session
 from services.runtime.settings import ZenohSettings
 
 CHAIN = ("capture", "detector", "tracker", "follower", "drive")
+_SENSOR = "sonar/main@00000001"
 _READY_S = 60.0
 _STEADY_S = 0.3
 """A robot that has moved for so long without a pause counts as driving."""
@@ -51,6 +63,7 @@ class Rig:
         self._record.write_text("")
         self._router_port = _free_port()
         self.camera = FaultyCamera()
+        self.ranges = RangeSensor(self._publish_ranges)
         self.relays = {name: Relay(self._router_port) for name in CHAIN}
         self.newest_command: tuple[MotionCommand, str] | None = None
         """The follower's newest command and its producer."""
@@ -63,11 +76,14 @@ class Rig:
                 stack.enter_context(relay)
             for name in ("router", *CHAIN):
                 self.start(name)
-            connect = ZenohSettings(connect=(f"tcp/127.0.0.1:{self._router_port}",))
+            connect = ZenohSettings(
+                connect=(f"tcp/127.0.0.1:{self._router_port}",), connect_timeout_s=_READY_S
+            )
             session = open_session(connect, logging.getLogger("rig"), _pause)
             assert session is not None
             self.session = stack.enter_context(session)
             self.session.declare_subscriber(keys.FOLLOW_COMMAND, self._note_command)
+            stack.enter_context(self.ranges)
             self._resources = stack.pop_all()
         return self
 
@@ -79,11 +95,13 @@ class Rig:
         flags = {
             "router": ("--listen", f"tcp/127.0.0.1:{self._router_port}"),
             "capture": (self.camera.address,),
-            "follower": ("--target", "nearest"),
+            # To turn after somebody who went away, and to look for them, is motion on purpose.
+            "follower": ("--target", "nearest", "--hold-s", "0", "--search-s", "0"),
             "drive": ("--driver", "record", "--driver-options", str(self._record)),
         }.get(name, ())
         if name in self.relays:
-            flags = (*flags, "--connect", f"tcp/127.0.0.1:{self.relays[name].port}")
+            endpoint = f"tcp/127.0.0.1:{self.relays[name].port}"
+            flags = (*flags, "--connect", endpoint, "--connect-timeout-s", f"{_READY_S:g}")
         kept = {key: value for key, value in os.environ.items() if not key.startswith("HEEL_")}
         environment = kept | {"PYTHONPATH": str(REPOSITORY), PARENT_VARIABLE: str(os.getpid())}
         with (self._folder / f"{name}.log").open("ab") as log:
@@ -148,6 +166,13 @@ class Rig:
                 return
             time.sleep(0.02)
         raise HeelError(f"the robot does not drive within {_READY_S:g} s: see {self._folder}")
+
+    def _publish_ranges(self, ranges: Ranges) -> None:
+        stamp = Stamp(producer=_SENSOR, t_sent_ns=time.time_ns(), age_ns=0)
+        self.session.put(
+            keys.ROBOT_RANGE, encode(ranges), encoding=ranges.encoding(), express=True,
+            attachment=encode(stamp), congestion_control=zenoh.CongestionControl.DROP,
+        )  # fmt: skip
 
     def _choose_nearest(self) -> None:
         request = encode(TargetRequest(mode="nearest"))

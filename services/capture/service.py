@@ -11,6 +11,7 @@ from dataclasses import replace
 from schemas import CameraInfo, EndOfStream, HeelError, MessageError, Progress, decode, encode, keys
 from schemas.image import MAX_IMAGE_BYTES
 from services.capture.credit import CreditWindow
+from services.capture.describe import mounting
 from services.capture.pixels import fit_to_cap
 from services.capture.settings import CaptureSettings
 from services.capture.source import Frame, FrameSource, SourceTimeout
@@ -33,6 +34,7 @@ class CaptureService:
     def __init__(self, context: ServiceContext[CaptureSettings], source: FrameSource) -> None:
         self._context = context
         self._settings = context.settings
+        self._mounting = mounting(context.settings)
         self._source = source
         self._lossless = context.settings.delivery == "lossless"
         epoch = context.settings.epoch
@@ -176,9 +178,9 @@ class CaptureService:
                 fps=self._source.fps,
                 frame_count=self._source.frame_count,
                 source=self._source.name[:512],
-                horizontal_fov_rad=_radians(s.horizontal_fov_deg),
-                mount_height_m=s.mount_height_m,
-                mount_pitch_rad=_radians(s.mount_pitch_deg),
+                horizontal_fov_rad=self._mounting.horizontal_fov_rad,
+                mount_height_m=self._mounting.mount_height_m,
+                mount_pitch_rad=self._mounting.mount_pitch_rad,
             )
         )
 
@@ -227,10 +229,6 @@ class CaptureService:
                 self._context.log.info("camera: well again")
             else:
                 self._context.log.warning("%s", reason)
-
-
-def _radians(degrees: float | None) -> float | None:
-    return None if degrees is None else math.radians(degrees)
 
 
 def serve(context: ServiceContext[CaptureSettings]) -> None:

@@ -65,12 +65,14 @@ class DriveService:
         Raises:
             DriverError: the driver failed.
         """
+        reason = "the drive ends"
         try:
             self._catch_up()
             self._context.announce()
             self._go_round()
-        except DriverError:
+        except DriverError as error:
             end_within(_EXIT_S)
+            reason = str(error)[:96]
             raise
         finally:
             if not self._wheels.finish():
@@ -78,7 +80,7 @@ class DriveService:
                     "the driver did not stop: this process ends, and the board's own watchdog "
                     "has to stop the wheels"
                 )
-            self._publish(self._drive.halt("the drive ends", time.monotonic()), 0.0)
+            self._publish(self._drive.halt(reason, time.monotonic()), 0.0)
 
     def _go_round(self) -> None:
         period_s = 1.0 / self._context.settings.rate_hz

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from schemas.errors import HeelError
@@ -50,6 +51,7 @@ class Wheels:
         self._order: _Order | None = None
         self._busy_since_s: float | None = None
         self._failure: str | None = None
+        self._stopped = False
         self._reading: OdometryReading | None = None
         self._thread = threading.Thread(target=self._run, name="wheels", daemon=True)
         self._thread.start()
@@ -86,7 +88,7 @@ class Wheels:
         return reading
 
     def finish(self) -> bool:
-        """Stop the wheels and close the driver; False if the driver did not do so in time.
+        """Stop the wheels and close the driver; False if the last `stop` failed or hangs.
 
         Takes at most twice the deadline. Where the thread hangs in the driver, a last `stop` is
         tried from another one.
@@ -94,10 +96,13 @@ class Wheels:
         self._give(_END)
         self._thread.join(self._deadline_s)
         if self._thread.is_alive():
-            last = threading.Thread(target=self._driver.stop, name="last-stop", daemon=True)
+            last = threading.Thread(
+                target=self._note_failure, args=(self._stop,), name="last-stop", daemon=True
+            )
             last.start()
             last.join(self._deadline_s)
-        return not self._thread.is_alive() and self._failure is None
+        with self._changed:
+            return self._stopped
 
     def _give(self, order: _Order) -> None:
         with self._changed:
@@ -113,12 +118,23 @@ class Wheels:
         return order
 
     def _run(self) -> None:
-        try:
+        def turn_until_the_end() -> None:
             try:
                 self._obey()
             finally:
-                self._driver.stop()
+                self._stop()
                 self._driver.close()
+
+        self._note_failure(turn_until_the_end)
+
+    def _stop(self) -> None:
+        self._driver.stop()
+        with self._changed:
+            self._stopped = True
+
+    def _note_failure(self, action: Callable[[], None]) -> None:
+        try:
+            action()
         except Exception as error:  # reported by `check`: a driver is somebody else's code
             with self._changed:
                 self._failure = f"{type(error).__name__}: {' '.join(str(error).split())}"[:200]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from schemas import Ranges
 
 _LOOK_AHEAD_S = (0.25, 0.5, 0.75, 1.0)
+_BESIDE_RAD = math.pi / 3
 _PEOPLE_STOP_MPS2 = 3.0
 """How hard somebody who walks can brake."""
 
@@ -32,15 +33,17 @@ def free_distance_m(ranges: Ranges, body: Body, direction_rad: float = 0.0) -> f
     """
     free_m = math.inf
     covered = False
-    half_width_m = body.radius_m + body.margin_m
     for sector in ranges.sectors:
         off_rad = abs(math.remainder(sector.bearing_rad - direction_rad, 2 * math.pi))
         nearest_rad = max(0.0, off_rad - sector.width_rad / 2)
         covered = covered or nearest_rad == 0.0
+        # A wall close beside must not hold up a robot that drives along it.
+        margin_m = body.margin_m if nearest_rad < _BESIDE_RAD else 0.0
+        space_m = body.radius_m + margin_m
         beside_m = sector.distance_m * math.sin(min(nearest_rad, math.pi / 2))
-        if nearest_rad < math.pi / 2 and beside_m < half_width_m:
+        if nearest_rad < math.pi / 2 and beside_m < space_m:
             along_m = sector.distance_m * math.cos(nearest_rad)
-            free_m = min(free_m, along_m - half_width_m)
+            free_m = min(free_m, along_m - math.sqrt(space_m**2 - beside_m**2))
     return max(0.0, free_m) if covered else None
 
 
@@ -50,7 +53,7 @@ def room_before_person_m(
     """How far the robot may go straight ahead before somebody is nearer than `space_m`.
 
     The person is taken to stop as hard as people can or to walk on for up to a second, whichever
-    is worse.
+    is worse. Somebody within that space counts only while the robot heads at them.
 
     Args:
         place: of the person, metres ahead and to the left.
@@ -65,7 +68,11 @@ def room_before_person_m(
     for t_s in (stops_within_s, *_LOOK_AHEAD_S):
         x = place[0] + velocity[0] * t_s
         y = place[1] + velocity[1] * t_s
-        if x > 0 and abs(y) < space_m:
+        if (
+            x > 0
+            and abs(y) < space_m
+            and not (math.hypot(x, y) < space_m and math.atan2(abs(y), x) > _BESIDE_RAD)
+        ):
             room_m = min(room_m, x - math.sqrt(space_m * space_m - y * y))
     return max(0.0, room_m)
 

@@ -67,7 +67,7 @@ class VelocityController:
         return 0.0, 0.0
 
     def follow(
-        self, goal: Goal, room_m: float, room_behind_m: float, dt_s: float
+        self, goal: Goal, room_m: float, room_behind_m: float, sidestep_rad: float, dt_s: float
     ) -> tuple[float, float]:
         """Linear (m/s) and angular (rad/s) velocity for the next `dt_s` seconds.
 
@@ -75,10 +75,11 @@ class VelocityController:
             goal: the person.
             room_m: how far the robot may go ahead, may be infinite.
             room_behind_m: how far it may back off.
+            sidestep_rad: by how much to head beside the person.
             dt_s: since the last command.
         """
         linear = self._forward(self._wished_linear(goal), room_m, room_behind_m, dt_s)
-        angular = self._turn(self._wished_angular(goal, linear), dt_s)
+        angular = self._turn(self._wished_angular(goal, linear, sidestep_rad), dt_s)
         return linear, angular
 
     def brake_and_turn(self, angular_radps: float, dt_s: float) -> tuple[float, float]:
@@ -107,12 +108,12 @@ class VelocityController:
         # Nothing is driven at what is more than 45 degrees off: the robot turns on the spot.
         return wished * max(0.0, math.cos(2.0 * bearing_rad)) * (abs(bearing_rad) < math.pi / 4)
 
-    def _wished_angular(self, goal: Goal, linear_mps: float) -> float:
+    def _wished_angular(self, goal: Goal, linear_mps: float, sidestep_rad: float) -> float:
         """Bearing error, and how fast the person passes by; unreliable when they are near."""
         s = self._settings
         passing = goal.place[0] * goal.velocity[1] - goal.place[1] * (goal.velocity[0] - linear_mps)
         passing_radps = passing / max(goal.distance_m, _NEAR_M) ** 2
-        error = _outside(goal.bearing_rad, s.bearing_deadband_rad)
+        error = _outside(goal.bearing_rad + sidestep_rad, s.bearing_deadband_rad)
         return s.angular_gain_per_s * error + _outside(passing_radps, 0.05)
 
     def _forward(self, wished: float, room_m: float, room_behind_m: float, dt_s: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from schemas import (
     CameraInfo,
@@ -210,10 +211,15 @@ class Follower:
         if self._name == "occluded":
             rate = self._controller.turn_to(goal.bearing_rad, self.settings.search_radps)
             return self._controller.brake_and_turn(rate, dt_s)
+        people, target_id, pose = self._people, self.target.track_id, self._motion.pose
         ahead_m, behind_m = self._surroundings.room_m(
-            self._people, self._motion.pose, now_s, self.state.angular_radps
+            people, target_id, pose, now_s, self.state.angular_radps
         )
-        return self._controller.follow(goal, ahead_m, behind_m, dt_s)
+        way = replace(pose, heading_rad=pose.heading_rad + goal.bearing_rad)
+        sidestep_rad = self._surroundings.sidestep_rad(
+            people, target_id, way, now_s, self.state.linear_mps
+        )
+        return self._controller.follow(goal, ahead_m, behind_m, sidestep_rad, dt_s)
 
     def _goal(self, t_s: float) -> Goal:
         """The chosen person as seen when what is told now takes effect."""

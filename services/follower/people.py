@@ -13,7 +13,7 @@ from services.follower.own_motion import OwnMotion
 from services.geometry.camera import Pinhole, camera_from_info
 from services.geometry.person import PersonModel, locate_person
 
-_FORGOTTEN_AFTER_S = 1.0
+_FORGOTTEN_AFTER_S = 0.6
 _FARTHEST_M = 100.0
 _VARYING_SHARE = 0.4
 """Of the distance's uncertainty: the rest, the person's height, is the same in every frame."""
@@ -69,7 +69,7 @@ class People:
 
     @property
     def known(self) -> dict[int, Person]:
-        """Those seen well within the last second, and the one who is kept."""
+        """Those seen well within the last moments, and the one who is kept."""
         return self._known
 
     def update(self, tracks: Tracks, t_s: float, motion: OwnMotion, keep: int | None) -> None:

@@ -23,7 +23,7 @@ class FollowerSettings(StrictSettings):
         0.22, gt=0, le=5, description="tracks of an older frame mean zero velocity"
     )
     max_ranges_age_s: float = Field(
-        0.3, gt=0, le=5, description="ranges that were there once and are older mean zero velocity"
+        0.25, gt=0, le=5, description="ranges that were there once and are older mean zero velocity"
     )
     max_odometry_age_s: float = Field(
         0.3, gt=0, le=5, description="older odometry is not used; the commands count then"
@@ -82,7 +82,7 @@ class FollowerSettings(StrictSettings):
     max_linear_mps: float = Field(1.8, ge=0, le=5, description="speed limit, forward")
     max_reverse_mps: float = Field(0.0, ge=0, le=5, description="speed limit, backward; 0 forbids")
     max_angular_radps: float = Field(1.5, ge=0, le=10, description="turn rate limit")
-    max_linear_mps2: float = Field(1.2, gt=0, le=20, description="limit for speeding up")
+    max_linear_mps2: float = Field(1.5, gt=0, le=20, description="limit for speeding up")
     max_braking_mps2: float = Field(
         2.5, gt=0, le=20, description="limit for slowing down; stops ignore it"
     )

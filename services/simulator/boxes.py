@@ -119,7 +119,7 @@ class SimulatedDetector:
         scenery = self._scenery = world.scenery
         count = len(world.people)
         self._solids = Solids(scenery.obstacles)
-        self._patches = Patches(scenery.floor, scenery.indoors, scenery.obstacles, self._pixel_rng)
+        self._patches = Patches(scenery, world.people, self._pixel_rng)
         self._alarms = FalseAlarms(
             scenery.obstacles, self._errors.false_hz, self._errors.false_s, self._alarm_rng
         )
@@ -135,9 +135,9 @@ class SimulatedDetector:
         self._burst_on(quality, chance[0], dt_s)
         memory = self._errors.jitter_memory
         self._error = memory * self._error + np.sqrt(1.0 - memory**2) * wobble[:5].T
-        missed = np.where(self._burst, 0.9, 1.0 - (1.0 - self._errors.miss) * quality)
+        likely = (1.0 - self._errors.miss) * quality * np.where(self._burst, 0.1, 1.0)
         boxes, large = self._clip(self._jittered(sight))
-        found = np.flatnonzero((chance[1] >= missed) & large & sight.in_front)
+        found = np.flatnonzero((chance[1] < likely) & large & sight.in_front)
         found = _suppress(found, boxes, sight.depth_m)
         scores = np.clip(0.3 + 0.62 * quality + 0.06 * wobble[5], 0.05, 0.99)
         return found, boxes[found], scores[found]
@@ -161,9 +161,9 @@ class SimulatedDetector:
 
     def _jittered(self, sight: Sight) -> Array:
         full, height = sight.box_xyxy, sight.box_xyxy[:, 3] - sight.box_xyxy[:, 1]
-        shrink = np.clip(self._errors.shrink + 0.3 * self._error[:, 4:], 0.0, 1.0)
+        shrink = _ramp(self._errors.shrink + 0.3 * self._error[:, 4:], 0.0, 1.0)
         spread = self._errors.jitter_px + self._errors.jitter_share * height
-        spread = spread * (1.0 + np.clip(sight.depth_m, 0.0, 20.0) / 10.0)
+        spread = spread * (1.0 + 2.0 * _ramp(sight.depth_m, 0.0, 20.0))
         wrong = shrink * (_seen_extent(sight) - full) + spread[:, None] * self._error[:, :4]
         return np.asarray(full + wrong)
 
@@ -215,7 +215,7 @@ def _overlap(first: Array, second: Array) -> float:
 
 
 def _ramp(value: Array, least: float, most: float) -> Array:
-    return np.asarray(np.clip((value - least) / (most - least), 0.0, 1.0))
+    return np.asarray(np.minimum(np.maximum((value - least) / (most - least), 0.0), 1.0))
 
 
 def _blobs(boxes: Array, scores: Array, pixels: NDArray[np.uint8], share: Array) -> list[Blob]:

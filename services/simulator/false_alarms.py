@@ -57,14 +57,15 @@ class FalseAlarms:
     def boxes(self, robot: RobotState, camera: GroundCamera) -> tuple[Array, Array, Array]:
         """Boxes (K, 4) in pixels, not clipped, scores (K,) and colours (K, 3) RGB."""
         alarms = self._alarms
-        place = to_robot(np.array([(a.x_m, a.y_m) for a in alarms]).reshape(-1, 2), robot)
+        if not alarms:
+            return np.zeros((0, 4)), np.zeros(0), np.zeros((0, 3))
+        place = to_robot(np.array([(a.x_m, a.y_m) for a in alarms]), robot)
         ahead = place[:, 0] > _NEAR_M / 2
         seen = [alarm for alarm, is_ahead in zip(alarms, ahead.tolist(), strict=True) if is_ahead]
         boxes = camera.person_boxes(
             place[ahead], np.array([a.height_m for a in seen]), np.array([a.width_m for a in seen])
         )
-        if seen:
-            boxes = boxes + self._rng.normal(0.0, 2.0, (len(seen), 4))
+        boxes = boxes + self._rng.normal(0.0, 2.0, (len(seen), 4))
         scores = np.array([a.score for a in seen])
         return boxes, scores, np.array([a.colour for a in seen], float).reshape(-1, 3)
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.state import Colour, Floor, Obstacle, Outfit, PersonState, RobotState
+from services.simulator.state import Colour, Floor, PersonState, RobotState, Scenery
 from services.simulator.views import COLUMNS, ROWS, Sight
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 Pixels = NDArray[np.uint8]
 
 PATCH_WIDTH, PATCH_HEIGHT = 12, 24
@@ -51,19 +52,32 @@ class Light:
 
 
 class Patches:
-    """Draws crops (PATCH_HEIGHT, PATCH_WIDTH, 3) BGR."""
+    """Draws crops (PATCH_HEIGHT, PATCH_WIDTH, 3) BGR.
+
+    Args:
+        scenery: of the world.
+        people: of the world; what they wear does not change.
+        rng: of the sensor's noise.
+    """
 
     def __init__(
-        self, floor: Floor, indoors: bool, obstacles: tuple[Obstacle, ...],
-        rng: np.random.Generator,
-    ) -> None:  # fmt: skip
+        self, scenery: Scenery, people: tuple[PersonState, ...], rng: np.random.Generator
+    ) -> None:
         self._rng = rng
-        self._background = np.array([_INDOORS if indoors else _OUTDOORS, _FLOORS[floor]], float)
-        self._solid = np.array([o.colour for o in obstacles], float).reshape(-1, 3)
+        backdrop = _INDOORS if scenery.indoors else _OUTDOORS
+        self._background = np.array([backdrop, _FLOORS[scenery.floor]], np.float64)
+        outfits = [p.outfit for p in people]
+        self._clothes = np.array(
+            [(o.hair, o.skin, o.top, o.legs, o.shoes) for o in outfits], np.float64
+        )
+        solid = np.array([o.colour for o in scenery.obstacles], np.float64).reshape(-1, 3)
+        # What hides somebody: people first, then obstacles, as in `Sight.hidden_by`.
+        self._upper = np.vstack([self._clothes[:, _TOP], solid])
+        self._lower = np.vstack([self._clothes[:, _LEGS], solid])
 
     def draw(
         self, people: tuple[PersonState, ...], robot: RobotState, sight: Sight,
-        found: NDArray[np.intp], boxes: Array, light: Light,
+        found: Index, boxes: Array, light: Light,
     ) -> tuple[Pixels, Array]:  # fmt: skip
         """Crops of people.
 
@@ -83,26 +97,21 @@ class Patches:
             return np.zeros((0, PATCH_HEIGHT, PATCH_WIDTH, 3), np.uint8), np.zeros(0)
         true = sight.box_xyxy[found]
         x, y = _cells(boxes, true)
-        shape = (len(found), PATCH_HEIGHT, PATCH_WIDTH)
-        width_m = (true[:, 2] - true[:, 0]) / (true[:, 3] - true[:, 1])
-        aside = np.abs(x - 0.5)[:, None, :] * width_m[:, None, None]
-        part = np.searchsorted(_PARTS_END, y)
-        body = aside < _HALF_WIDTH[part][:, :, None]
-        body &= ((y > 0.0) & (y < 1.0))[:, :, None]
-        body &= ~self._between_the_legs(people, found, aside, y)
+        rows = [people[index] for index in found.tolist()]
+        heading, stride = np.array([(p.heading_rad, p.stride_rad) for p in rows]).T
+        view = np.array([math.atan2(p.y_m - robot.y_m, p.x_m - robot.x_m) for p in rows])
+        part, body = _body(true, stride, x, y)
         background = np.where(y > _HORIZON, _FLOOR, _WALL)
         show = np.where(body, part[:, :, None], background[:, :, None])
-        row = np.clip((y * ROWS).astype(np.intp), 0, ROWS - 1)
-        column = np.clip((x * COLUMNS).astype(np.intp), 0, COLUMNS - 1)
         index = np.arange(len(found))[:, None, None]
-        blocker = sight.hidden_by[found][index, row[:, :, None], column[:, None, :]]
-        lower = np.broadcast_to((y > 0.5)[:, :, None], shape)
-        show = np.where(blocker >= 0, np.where(lower, _OTHER_LEGS, _OTHER_TOP), show)
-        palette = np.stack([self._palette(people, robot, int(who), sight) for who in found])
-        shade = self._shades(people, robot, found, x, light)
-        pixels = palette[index, show] * shade[:, None, :, None]
-        share = (body & (blocker < 0)).mean((1, 2))
-        return self._develop(pixels, light), share
+        row = _cell(y, ROWS)
+        column = _cell(x, COLUMNS)
+        hidden = sight.hidden_by[found][index, row[:, :, None], column[:, None, :]] >= 0
+        other = np.where(y > 0.5, _OTHER_LEGS, _OTHER_TOP)
+        show = np.where(hidden, other[:, :, None], show)
+        pixels = self._palette(heading, view, sight, found)[index, show]
+        pixels = pixels * _shades(view, x, light)[:, None, :, None]
+        return self._develop(pixels, light), (body & ~hidden).mean((1, 2))
 
     def plain(self, colour: NDArray[np.float64], light: Light) -> Pixels:
         """Crops of things in one colour each (K, 3) RGB, upright before the background."""
@@ -113,48 +122,24 @@ class Patches:
         pixels[:, :, inside] = colour[:, None, None, :]
         return self._develop(pixels, light)
 
-    def _palette(
-        self, people: tuple[PersonState, ...], robot: RobotState, who: int, sight: Sight
-    ) -> Array:
-        """What the parts of a picture of somebody look like, (9, 3) RGB."""
-        person = people[who]
-        outfit = person.outfit
-        towards = math.atan2(robot.y_m - person.y_m, robot.x_m - person.x_m)
+    def _palette(self, heading_rad: Array, view_rad: Array, sight: Sight, found: Index) -> Array:
+        """What the parts of the pictures of people look like, (K, 9, 3) RGB."""
+        clothes = self._clothes[found]
         # From behind there is hair where the face would be.
-        front = math.cos(person.heading_rad - towards)
-        face = _mix(outfit.hair, outfit.skin, min(max(0.5 + front, 0.0), 1.0))
-        table = [outfit.hair, face, outfit.top, outfit.legs, outfit.shoes]
-        blockers = sight.hidden_by[who]
-        other = int(blockers.max())
-        upper, lower = self._occluder(people, other)
-        return np.vstack([np.array(table, float), self._background, upper, lower])
-
-    def _occluder(self, people: tuple[PersonState, ...], other: int) -> tuple[Array, Array]:
-        if other < 0:
-            return np.zeros(3), np.zeros(3)
-        if other < len(people):
-            outfit: Outfit = people[other].outfit
-            return np.array(outfit.top, float), np.array(outfit.legs, float)
-        colour = self._solid[other - len(people)]
-        return colour, colour
-
-    def _between_the_legs(
-        self, people: tuple[PersonState, ...], found: NDArray[np.intp], aside: Array, y: Array
-    ) -> NDArray[np.bool_]:
-        swing = np.array([abs(math.sin(people[int(i)].stride_rad)) for i in found])
-        gap = 0.05 * swing[:, None] * np.maximum(y - 0.55, 0.0) / 0.45
-        return np.asarray(aside < gap[:, :, None])
-
-    def _shades(
-        self, people: tuple[PersonState, ...], robot: RobotState, found: NDArray[np.intp],
-        x: Array, light: Light,
-    ) -> Array:  # fmt: skip
-        """Brighter on the side that the light comes from, (K, PATCH_WIDTH)."""
-        rows = [people[int(i)] for i in found]
-        view = np.array([math.atan2(p.y_m - robot.y_m, p.x_m - robot.x_m) for p in rows])
-        angle = view - light.azimuth_rad
-        return np.asarray(
-            0.88 + 0.12 * np.cos(angle)[:, None] + 0.25 * np.sin(angle)[:, None] * (x - 0.5)
+        front = np.clip(0.5 - np.cos(heading_rad - view_rad), 0.0, 1.0)[:, None]
+        face = (1.0 - front) * clothes[:, _HAIR] + front * clothes[:, _FACE]
+        other = sight.hidden_by[found].max((1, 2))
+        background = np.broadcast_to(self._background, (len(found), 2, 3))
+        return np.concatenate(
+            [
+                clothes[:, :_FACE],
+                face[:, None],
+                clothes[:, _TOP:],
+                background,
+                self._upper[other][:, None],
+                self._lower[other][:, None],
+            ],
+            axis=1,
         )
 
     def _develop(self, pixels: Array, light: Light) -> Pixels:
@@ -173,5 +158,24 @@ def _cells(boxes: Array, true: Array) -> tuple[Array, Array]:
     return x, y
 
 
-def _mix(first: Colour, second: Colour, share: float) -> Array:
-    return (1.0 - share) * np.array(first, float) + share * np.array(second, float)
+def _cell(share: Array, cells: int) -> Index:
+    """Which of so many cells a share of the box is in; what is beside the box, in the outermost."""
+    return np.minimum(np.maximum((share * cells).astype(np.intp), 0), cells - 1)
+
+
+def _body(true: Array, stride_rad: Array, x: Array, y: Array) -> tuple[Index, NDArray[np.bool_]]:
+    """Which part each row (K, PATCH_HEIGHT) shows, and where the body is, per pixel."""
+    width = (true[:, 2] - true[:, 0]) / (true[:, 3] - true[:, 1])
+    aside = np.abs(x - 0.5)[:, None, :] * width[:, None, None]
+    part = np.searchsorted(_PARTS_END, y)
+    half = np.where((y > 0.0) & (y < 1.0), _HALF_WIDTH[part], 0.0)
+    # The background shows between the legs of somebody in mid-step.
+    swing = 0.05 * np.abs(np.sin(stride_rad))[:, None]
+    gap = swing * np.maximum(y - 0.55, 0.0) / 0.45
+    return part, (aside < half[:, :, None]) & (aside >= gap[:, :, None])
+
+
+def _shades(view_rad: Array, x: Array, light: Light) -> Array:
+    """Brighter on the side that the light comes from, (K, PATCH_WIDTH)."""
+    angle = (view_rad - light.azimuth_rad)[:, None]
+    return np.asarray(0.88 + 0.12 * np.cos(angle) + 0.25 * np.sin(angle) * (x - 0.5))

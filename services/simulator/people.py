@@ -56,11 +56,6 @@ class Crowd:
         self.heading_rad: Array = np.array([actor.heading_rad for actor in people])
         self.stride_rad: Array = np.array([actor.stride_rad for actor in people])
 
-    @property
-    def finished(self) -> bool:
-        """Whether the target has arrived for good."""
-        return self._walkers[self._target].finished
-
     def step(self, t_s: float, dt_s: float, robot: RobotState, robot_radius_m: float) -> None:
         """Move everybody by `dt_s`."""
         wish = self._wishes(t_s, dt_s, robot)
@@ -75,8 +70,14 @@ class Crowd:
         self.velocity = self.velocity + _shorten(wanted - self.velocity, _MAX_MPS2 * dt_s)
         before = self.place
         place = self._apart(before + self.velocity * dt_s)
-        place = self._off_the_robot(before, place, robot, robot_radius_m)
-        self.place = self._solids.push_out(place, self.radius_m)[0] if near_walls else place
+        least = self._least_from_robot(before, robot, robot_radius_m)
+        place = _push_from(place, robot, least)
+        if near_walls:
+            place, _ = self._solids.push_out(place, self.radius_m)
+            # Between a wall and the robot there is no way through.
+            squeezed = _distance(place, robot) < least - 1e-9
+            place = np.where(squeezed[:, None], before, place)
+        self.place = place
         moved = self.place - before
         self.velocity = _shorten(moved / dt_s, 2.0 * self._ease_mps)
         steps_m = np.hypot(moved[:, 0], moved[:, 1])
@@ -157,17 +158,10 @@ class Crowd:
         share = 0.5 * overlap / np.maximum(distance, 1e-6)
         return np.asarray(place + (share[..., None] * offset).sum(1), np.float64)
 
-    def _off_the_robot(
-        self, before: Array, place: Array, robot: RobotState, robot_radius_m: float
-    ) -> Array:
-        centre = np.array([robot.x_m, robot.y_m])
+    def _least_from_robot(self, place: Array, robot: RobotState, robot_radius_m: float) -> Array:
+        """How near (N,) to the robot's centre people may come by themselves."""
         touching = self.radius_m + robot_radius_m
-        offset = place - centre
-        distance = np.sqrt((offset * offset).sum(1))
-        old = before - centre
-        least = touching + np.minimum(np.sqrt((old * old).sum(1)) - touching, _ROBOT_GAP_M)
-        factor = np.maximum(least / np.maximum(distance, 1e-6), 1.0)
-        return np.asarray(centre + offset * factor[:, None], np.float64)
+        return touching + np.minimum(_distance(place, robot) - touching, _ROBOT_GAP_M)
 
     def _stride(self, dt_s: float, step_m: Array) -> None:
         self.stride_rad = self.stride_rad + 2 * math.pi * step_m / (
@@ -180,6 +174,19 @@ class Crowd:
         most = _TURN_RADPS * dt_s
         heading = self.heading_rad + np.minimum(np.maximum(turn, -most), most)
         self.heading_rad = np.remainder(heading + math.pi, 2 * math.pi) - math.pi
+
+
+def _distance(place: Array, robot: RobotState) -> Array:
+    """From the robot's centre (N,)."""
+    offset = place - (robot.x_m, robot.y_m)
+    return np.asarray(np.sqrt((offset * offset).sum(1)))
+
+
+def _push_from(place: Array, robot: RobotState, least_m: Array) -> Array:
+    """Places (N, 2), none nearer to the robot's centre than `least_m` (N,)."""
+    centre = np.array([robot.x_m, robot.y_m])
+    factor = np.maximum(least_m / np.maximum(_distance(place, robot), 1e-6), 1.0)
+    return np.asarray(centre + (place - centre) * factor[:, None])
 
 
 def _shorten(vectors: Array, most: Array | float) -> Array:

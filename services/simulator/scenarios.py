@@ -63,20 +63,22 @@ def _stands_still(stage: Stage, name: str) -> Scenario:
 
 
 def _pillar(stage: Stage, name: str) -> Scenario:
-    """Turns round the end of a broad pillar beside the way, stays 3 s, and steps out again.
+    """Turns round the end of a broad pillar beside the way, out of view for 3 s, and steps out.
 
     Turned round, because who follows closely sees round a corner that is only turned at.
     """
     speed = stage.uniform(0.7, 1.0)
     length, depth = stage.uniform(2.2, 2.8), stage.uniform(0.5, 0.8)
-    end_m, beside_m = stage.uniform(7.0, 11.0), stage.uniform(0.6, 0.75)
+    end_m, beside_m = stage.uniform(7.0, 11.0), stage.uniform(0.8, 0.95)
     behind = -beside_m - depth
     out = end_m + stage.uniform(2.6, 3.4), 0.0
     legs = (
         Leg(end_m + 0.2, 0.0),
-        Leg(end_m + 0.4, -beside_m - depth / 2),
-        Leg(end_m - 0.45 * length, behind - 0.5, hidden_s=3.0),
         Leg(end_m + 0.5, behind - 0.3),
+        Leg(end_m - 0.3 * length, behind - 0.5, hidden_s=2.3),
+        # Comes out near enough that who waits need not drive before the way is clear.
+        Leg(end_m + 0.5, behind - 0.2),
+        Leg(end_m + 0.8, -0.1),
         Leg(*out),
         *(Leg(*point) for point in _gentle(stage, speed * stage.uniform(14, 22), out)),
     )
@@ -96,11 +98,12 @@ def _doorway(stage: Stage, name: str) -> Scenario:
     legs = (
         Leg(door_m - 0.1, 0.0),
         Leg(door_m, inside),
-        Leg(door_m - half_door - 1.2, inside, hidden_s=10.0),
+        Leg(door_m - half_door - 1.2, inside, hidden_s=9.5),
         Leg(door_m + 0.3, inside),
         Leg(door_m + 0.5, wall_m + 0.4),
         Leg(*out),
-        *(Leg(*point) for point in _gentle(stage, speed * stage.uniform(8, 16), out)),
+        # On along the wall or away from it, never through.
+        *(Leg(x, abs(y)) for x, y in _gentle(stage, speed * stage.uniform(8, 16), out)),
     )
     _start(stage, speed, legs)
     x0, _, x1, y1 = stage.extent(stage.uniform(2.0, 3.0))
@@ -156,17 +159,20 @@ def _crowd(stage: Stage, name: str) -> Scenario:
     length, half = speed * stage.uniform(30, 42), stage.uniform(2.4, 3.0)
     _send(stage, speed, [(length / 2, stage.uniform(-0.4, 0.4)), (length, 0.0)])
     for index in range(int(stage.rng.integers(6, 10))):
-        lane = stage.uniform(0.8, half - 0.5) * _sign(stage)
+        lane, row = stage.uniform(0.8, half - 0.5) * _sign(stage), index // 3
+        # One behind the other, so that nobody begins on another's feet.
         if index % 3 == 0:
-            start = stage.uniform(3.0, 10.0)
+            start = 3.0 + 2.5 * row + stage.uniform(0.0, 1.5)
             walk = Walk(speed * stage.uniform(0.8, 1.15), (Leg(length + 3.0, lane),))
             stage.add("other", start, lane, 0.0, walk)
+            continue
+        begin = 0.0
+        if index % 3 == 1:
+            start = 11.0 + (length - 11.0) / 3 * (row + stage.uniform(0.1, 0.9))
         else:
-            late = index % 3 == 2
-            start = length + 3.0 if late else stage.uniform(5.0, length)
-            begin = stage.uniform(6.0, 20.0) if late else 0.0
-            walk = Walk(stage.uniform(0.8, 1.3), (Leg(-7.0, lane),), start_s=begin)
-            stage.add("other", start, lane, math.pi, walk)
+            start, begin = length + 2.0 + row, stage.uniform(6.0, 20.0)
+        walk = Walk(stage.uniform(0.8, 1.3), (Leg(-7.0, lane),), start_s=begin)
+        stage.add("other", start, lane, math.pi, walk)
     bounds = -9.0, -half, length + 5.0, half
     stage.walls_around(bounds)
     return stage.finish(name, bounds, True)
@@ -271,6 +277,6 @@ def _crossers(stage: Stage, way: list[Place], roles: list[Role]) -> None:
         x_m, y_m = place.tolist()
         start_x, start_y = (place + stage.uniform(2.5, 4.0) * across).tolist()
         end_x, end_y = (place - stage.uniform(4.0, 5.0) * across).tolist()
-        legs = Crossing(x_m, y_m, stage.uniform(0.55, 0.7)), Leg(end_x, end_y)
+        legs = Crossing(x_m, y_m, stage.uniform(0.5, 0.6)), Leg(end_x, end_y)
         facing = math.atan2(-float(across[1]), -float(across[0]))
         stage.add(role, start_x, start_y, facing, Walk(stage.uniform(1.0, 1.3), legs))

@@ -51,8 +51,8 @@ class RangeRing:
 
     SECTORS = 36
     MAX_M = 6.0
-    # A person is 4 degrees wide at the greatest range: rays 2 degrees apart miss nobody.
-    _RAYS = 5
+    # A person is 4 degrees wide at the greatest range: rays 3.3 degrees apart miss nobody.
+    _RAYS = 3
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng

@@ -168,7 +168,7 @@ class Stage:
 
     def _duration_s(self) -> float:
         walk = self.actors[0].walk
-        needed = walk.start_s + 4.0
+        needed = walk.start_s + 6.0
         way = self._ways()[0]
         needed += float(np.hypot(*np.diff(way, axis=0).T).sum()) / walk.speed_mps
         for leg in walk.legs:

@@ -62,14 +62,15 @@ def look(world: WorldView, solids: Solids, mount: CameraMount) -> Sight:
         [(p.x_m, p.y_m, p.heading_rad, p.speed_mps, p.stride_rad, p.height_m) for p in people]
     ).reshape(-1, 6)
     ground = to_robot(table[:, :2], robot)
-    box, depth = _boxes(lens(mount), ground, table, robot.heading_rad)
+    camera = lens(mount)
+    box, depth = _boxes(camera, ground, table, robot.heading_rad)
     in_front = (depth > NEAR_M) & np.isfinite(box).all(1)
     box[~in_front] = 0.0
     in_picture = _in_picture(box, mount) & in_front[:, None, None]
     hidden_by = np.full(in_picture.shape, -1, np.intp)
     rows = np.flatnonzero(in_picture.any((1, 2)))
     if rows.size:
-        hidden_by[rows] = _hidden(world, solids, mount, table, rows, box, depth)
+        hidden_by[rows] = _hidden(world, solids, camera, table, rows, box, depth)
     visible = ((hidden_by < 0) & in_picture).mean((1, 2))
     return Sight(box, depth, in_front, in_picture, hidden_by, visible)
 
@@ -109,8 +110,8 @@ def _in_picture(box: Array, mount: CameraMount) -> NDArray[np.bool_]:
 
 
 def _hidden(
-    world: WorldView, solids: Solids, mount: CameraMount, table: Array, rows: NDArray[np.intp],
-    box: Array, depth: Array,
+    world: WorldView, solids: Solids, camera: GroundCamera, table: Array,
+    rows: NDArray[np.intp], box: Array, depth: Array,
 ) -> NDArray[np.intp]:  # fmt: skip
     """What hides each cell of some people (K, ROWS, COLUMNS); `rows` (K,) says of whom."""
     count, place = len(rows), table[:, :2]
@@ -118,7 +119,7 @@ def _hidden(
     origin = np.array([world.robot.x_m, world.robot.y_m])
     ray = place[rows] - origin
     # Cells across the box at the person's own distance, at right angles to the line of sight.
-    width_m = (box[rows, 2] - box[rows, 0]) / lens(mount).focal_px * depth[rows]
+    width_m = (box[rows, 2] - box[rows, 0]) / camera.focal_px * depth[rows]
     away_m = np.maximum(np.sqrt((ray * ray).sum(1)), 1e-6)
     aside = np.stack([ray[:, 1], -ray[:, 0]], -1) * (width_m / away_m)[:, None]
     rays = (ray[:, None] + aside[:, None] * _ACROSS[:, None]).reshape(-1, 2)
@@ -134,8 +135,8 @@ def _hidden(
     tall = np.append(table[:, 5], solids.height_m)[between]
     # Along a line of sight from the lens to a cell heights change linearly: it passes over what
     # is lower than both its ends above it.
-    rise = (height[:, None] * (1.0 - _DOWN) - mount.height_m)[:, :, None, None]
-    lowest = mount.height_m + np.minimum(rise * entry, rise * np.minimum(leave, 1.0))
+    rise = (height[:, None] * (1.0 - _DOWN) - camera.mount_height_m)[:, :, None, None]
+    lowest = camera.mount_height_m + np.minimum(rise * entry, rise * np.minimum(leave, 1.0))
     covers = (entry < 1.0) & (lowest < tall)
     nearest = np.where(covers, entry, np.inf).argmin(-1)
     return np.where(covers.any(-1), between[nearest], -1)

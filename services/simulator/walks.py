@@ -22,8 +22,9 @@ class Leg:
 
     Attributes:
         pause_s: stands there so long.
-        hidden_s: stands there until obstacles have hidden the person from the robot for so long,
-            at most 20 s: what a pillar or a door hides depends on where the robot waits.
+        hidden_s: stands there until obstacles have hidden the person from the robot for so long
+            since the leg began, at most 20 s: what a pillar or a door hides depends on where the
+            robot waits.
     """
 
     x_m: float
@@ -97,9 +98,11 @@ class Walker:
         while not self.finished:
             leg = self._walk.legs[self._index]
             self._arrived = self._arrived or self._has_reached(leg, x_m, y_m)
+            if isinstance(leg, Leg) and leg.hidden_s > 0 and situation.is_hidden(x_m, y_m):
+                self._hidden_s += situation.dt_s
             if not self._arrived:
                 return _towards(x_m, y_m, leg, self._pace_mps(leg, x_m, y_m, situation))
-            if isinstance(leg, Leg) and self._stays(leg, x_m, y_m, situation):
+            if isinstance(leg, Leg) and self._stays(leg, situation.dt_s):
                 return 0.0, 0.0
             self._next_leg(x_m, y_m)
         return 0.0, 0.0
@@ -133,10 +136,8 @@ class Walker:
             return min(self._walk.speed_mps, math.sqrt(2 * _BRAKE_MPS2 * distance))
         return self._walk.speed_mps
 
-    def _stays(self, leg: Leg, x_m: float, y_m: float, situation: Situation) -> bool:
-        self._stayed_s += situation.dt_s
-        if leg.hidden_s > 0 and situation.is_hidden(x_m, y_m):
-            self._hidden_s += situation.dt_s
+    def _stays(self, leg: Leg, dt_s: float) -> bool:
+        self._stayed_s += dt_s
         waits = self._hidden_s < leg.hidden_s and self._stayed_s < _HIDDEN_LIMIT_S
         return waits or self._stayed_s < leg.pause_s
 

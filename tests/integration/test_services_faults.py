@@ -77,7 +77,10 @@ def test_good_messages_still_pass_through_every_service(stack: Stack) -> None:
         network.collected(stack.session, keys.tracks("tracker")) as tracks,
         network.collected(stack.session, keys.FOLLOW_COMMAND) as commands,
     ):
-        for put in stack.next_messages().values():
+        messages = stack.next_messages()
+        # A follower that has had ranges stops for the lack of them: the tests below would not tell.
+        del messages["follower ranges"]
+        for put in messages.values():
             stack.send(put)
         sample = blobs.get(timeout=network.DEADLINE_S)
         assert decode(Blobs, sample.payload.to_bytes(), str(sample.encoding)).seq == stack.seq

@@ -86,6 +86,7 @@ class FittedTracker:
         if self._scale is None:
             return []
         self._frame += 1
+        self._carry(blobs, self._scale)
         for person in self._people:
             person.predict(dt_s, self._scale)
         if evidence is None:
@@ -99,6 +100,20 @@ class FittedTracker:
         evidence, self._unsettled = self._unsettled, None
         if evidence is not None and self._scale is not None:
             self._scale.update(evidence)
+
+    def _carry(self, blobs: Blobs, scale: SceneScale) -> None:
+        """Move everything with the picture where the camera has moved."""
+        motion = blobs.camera_motion
+        if motion is None or motion.quality == 0.0:
+            return
+        rows, columns = self._shape[:2]
+        scale_x, scale_y = blobs.width / columns, blobs.height / rows
+        affine = np.array(motion.affine).reshape(2, 3)
+        affine *= [[1.0, scale_y / scale_x, 1.0 / scale_x], [scale_x / scale_y, 1.0, 1.0 / scale_y]]
+        for person in self._people:
+            person.carry(affine)
+        centre = np.array([0.5 * columns, 0.5 * rows])
+        scale.move(float(affine[1, :2] @ centre + affine[1, 2] - centre[1]))
 
     def _outlasts(self, person: Person, dt_s: float) -> bool:
         person.miss(dt_s)

@@ -83,7 +83,7 @@ def test_a_driver_that_raises_is_stopped_and_named() -> None:
     wheels.turn(0.5, 0.0)
     wait_until(lambda: failure_of(wheels) is not None, "the failure")
     assert "driver failed: OSError: no such board" in str(failure_of(wheels))
-    assert not wheels.finish()
+    assert wheels.finish(), "it did stop"
     assert driver.calls == [(0.5, 0.0), "stop", "close"]
 
 
@@ -101,8 +101,24 @@ def test_a_driver_that_hangs_is_noticed_and_a_last_stop_is_tried() -> None:
         with pytest.raises(DriverError, match=r"one call takes longer than 0\.05 s"):
             wheels.check(time.monotonic() + 1.0)
         started_s = time.monotonic()
-        assert not wheels.finish()
+        assert wheels.finish(), "the other thread got through"
         assert time.monotonic() - started_s < 5.0
         assert driver.calls == [(0.5, 0.0), "stop"]
+    finally:
+        release.set()
+
+
+def test_wheels_that_cannot_be_stopped_are_no_secret() -> None:
+    release = threading.Event()
+
+    class Stuck(FakeDriver):
+        def stop(self) -> None:
+            release.wait(20.0)
+
+    wheels = Wheels(Stuck(), deadline_s=0.05, silence_s=5.0)
+    try:
+        started_s = time.monotonic()
+        assert not wheels.finish()
+        assert time.monotonic() - started_s < 5.0
     finally:
         release.set()

@@ -77,8 +77,9 @@ def test_sectors_cover_the_whole_round_once() -> None:
 def test_a_wall_ahead_is_as_far_as_it_is_and_nothing_is_behind() -> None:
     seen = ranges_by_degree(world(obstacles=(box(2.1, 0.0, 0.2, 30.0),)))
     assert seen[0] == pytest.approx(2.0, abs=0.08)
-    # The nearest ray of a sector is 4 degrees off its middle.
-    assert seen[60] == pytest.approx(2.0 / math.cos(math.radians(56)), abs=0.15)
+    # The nearest ray of a sector is a third of its width off its middle.
+    nearest_rad = math.radians(60 - 10 / 3)
+    assert seen[60] == pytest.approx(2.0 / math.cos(nearest_rad), abs=0.15)
     assert seen[180] == seen[90] == RangeRing.MAX_M
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import colorsys
 import functools
+import itertools
 import math
 
 import numpy as np
 import pytest
 
 from services.simulator.scenarios import SCENARIOS, scenario
+from services.simulator.solids import Solids
 from services.simulator.state import Outfit, RobotState
 from services.simulator.walks import Leg, Walk
 from tests.unit.simulator.empty_worlds import Episode, actor, box, follow, world
@@ -44,6 +46,8 @@ def test_the_target_begins_ahead_within_view_and_nobody_is_nearer(name: str, see
     assert sum(person.role == "target" for person in it.people) == 1
     others = [p for p in it.people if p.role != "target"]
     assert all(math.hypot(p.x_m - robot.x_m, p.y_m - robot.y_m) > away + 1.0 for p in others)
+    for one, other in itertools.combinations(it.people, 2):
+        assert math.hypot(one.x_m - other.x_m, one.y_m - other.y_m) > 0.5
     x0, y0, x1, y1 = it.scenery.bounds_m
     assert all(x0 < p.x_m < x1 and y0 < p.y_m < y1 for p in (*it.people, robot))
 
@@ -75,6 +79,20 @@ def test_the_target_stays_in_view_except_where_the_name_says_otherwise(name: str
 @pytest.mark.parametrize("name", NAMES)
 def test_nobody_walks_through_walls(name: str) -> None:
     assert episode(name).deepest_in_wall_m < 1e-6
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", range(8))
+def test_no_way_of_the_target_leads_through_an_obstacle(name: str, seed: int) -> None:
+    it = scenario(name, seed)
+    solids = Solids(it.scenery.obstacles)
+    person = next(p for p in it.scenario.people if p.role == "target")
+    place = np.array([person.x_m, person.y_m])
+    for leg in person.walk.legs:
+        step = np.array([leg.x_m, leg.y_m]) - place
+        points = place + np.linspace(0.0, 1.0, 50)[:, None] * step
+        assert solids.clearance(points)[0].min(initial=np.inf) > person.radius_m
+        place = points[-1]
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
@@ -109,8 +127,6 @@ def test_the_target_stands_still_for_twenty_seconds() -> None:
         it.step(0.1, 0.0, 0.0)
         run = run + 1 if it.target.speed_mps < 0.05 else 0
         longest = max(longest, run)
-        if it._crowd.finished:
-            break
     assert 19.0 < longest * 0.1 < 24.0
 
 
@@ -145,6 +161,15 @@ def test_every_seed_makes_another_episode() -> None:
         robot = it.robot
         starts.add((robot.x_m, robot.heading_rad, it.target.outfit.top, it.scenario.duration_s))
     assert len(starts) == 12
+
+
+@pytest.mark.parametrize("name", ["crowd", "distractor-4", "doorway"])
+def test_nobody_touches_a_robot_that_stands_in_the_way(name: str) -> None:
+    for seed in range(4):
+        it = scenario(name, seed)
+        while not it.finished:
+            it.step(0.1, 0.0, 0.0)
+        assert it.contacts == 0
 
 
 def test_walkers_keep_out_of_each_others_way() -> None:
