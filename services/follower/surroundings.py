@@ -12,10 +12,8 @@ from services.follower.settings import FollowerSettings
 
 _TARGET_MARGIN_M = 0.15
 """Beyond personal space: the target is driven at all the time and stops without warning."""
-_OTHERS_MARGIN_M = 0.05
-_LEAVING_MPS = 0.3
-_LEAVING_SHARE = 0.75
-"""Whoever walks out of the way is given less: waiting would not make their distance greater."""
+_OTHERS_MARGIN_M = 0.2
+"""Who crosses also comes nearer by themselves."""
 _PASSING_SPACE_M = 0.3
 _PASSING_FROM_M, _PASSING_AHEAD_M = 0.8, 5.0
 _WALK_MPS = 0.5
@@ -65,13 +63,8 @@ class Surroundings:
         for person in people.known.values():
             place = pose.seen(*person.filter.place_at(now_s))
             velocity = pose.turned(*person.filter.velocity)
-            space_m = self._settings.personal_space_m
-            if person.id == target_id:
-                space_m += _TARGET_MARGIN_M
-            elif velocity[1] * math.copysign(1.0, place[1]) > _LEAVING_MPS:
-                space_m *= _LEAVING_SHARE
-            else:
-                space_m += _OTHERS_MARGIN_M
+            margin_m = _TARGET_MARGIN_M if person.id == target_id else _OTHERS_MARGIN_M
+            space_m = self._settings.personal_space_m + margin_m
             ahead_m = min(ahead_m, room_before_person_m(place, velocity, space_m))
         if self._ranges is not None:
             for direction_rad in (0.0, angular_radps * _CURVE_S):
