@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from selenium.webdriver import Chrome
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-SCENARIO, SEED = "distractor-3", 1
 _SIZE_PX = "1560,900"
 _DEADLINE_S = 60.0
 _JPEG_QUALITY = 86
@@ -38,7 +37,7 @@ T = TypeVar("T")
 @app.command()
 def main(
     folder: Annotated[Path, typer.Argument(help="where the picture goes")],
-    after_s: Annotated[float, typer.Option(help="simulated seconds into the episode")] = 17.0,
+    after_s: Annotated[float, typer.Option(help="simulated seconds into the episode")] = 19.0,
 ) -> None:
     """Run `heel demo`, look at its page, and keep the picture of a moment."""
     with _demo() as url, _browser() as driver:
@@ -59,8 +58,7 @@ def main(
 def _demo() -> Iterator[str]:
     """The demo's page while it runs."""
     with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "services", "demo", "--port", "0", "--out", out,
-                   "--scenario", SCENARIO, "--seed", str(SEED)]  # fmt: skip
+        command = [sys.executable, "-m", "services", "demo", "--port", "0", "--out", out]
         log = Path(out) / "stdout"
         with log.open("wb") as stream:
             process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=stream)

@@ -133,6 +133,10 @@ class WorldRun:
         while not (self._ended or self._stop.is_set()) and time.monotonic() < until_s:
             if (failure := children.failure()) is not None:
                 raise HeelError(failure)
+            if time.monotonic() - heard_s > _SILENCE_S:
+                raise HeelError(
+                    f"the simulator is silent for {_SILENCE_S:g} s: see {self._options.out}/logs"
+                )
             arrival = inbox.get(_POLL_S)
             if arrival is None:
                 continue
@@ -142,10 +146,6 @@ class WorldRun:
                 self._take(session, arrival)
             except MessageError as error:
                 self._warn.warning(arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s)
-            if time.monotonic() - heard_s > _SILENCE_S:
-                raise HeelError(
-                    f"the simulator is silent for {_SILENCE_S:g} s: see {self._options.out}/logs"
-                )
 
     def _take(self, session: zenoh.Session, arrival: Arrival) -> None:
         payload, encoding = arrival.payload, arrival.encoding
