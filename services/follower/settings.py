@@ -71,7 +71,7 @@ class FollowerSettings(StrictSettings):
         0.35, gt=0, le=1.6, description="imprint: and how far off straight ahead at most"
     )
 
-    distance_m: float = Field(1.7, gt=0, le=20, description="wished distance to the person")
+    distance_m: float = Field(1.6, gt=0, le=20, description="wished distance to the person")
     personal_space_m: float = Field(
         1.0, ge=0, le=5, description="never driven nearer to anybody who is in sight"
     )

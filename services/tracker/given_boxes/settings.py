@@ -197,7 +197,7 @@ class LifeSettings(StrictSettings):
         0.92, ge=0, le=1, description="Mean score below which a track is not shown"
     )
     hidden_score: float = Field(
-        0.8, ge=0, le=1, description="Mean score below which a shown track is hidden again"
+        0.85, ge=0, le=1, description="Mean score below which a shown track is hidden again"
     )
     walker_score: float = Field(
         0.6, ge=0, le=1, description="The same for a track that has walked, camera standing"
@@ -233,6 +233,14 @@ class LifeSettings(StrictSettings):
     give_up: float = Field(
         0.03, ge=0, le=1, description="Identity confidence below which a track gets a fresh id"
     )
+    rivals: float = Field(
+        0.1,
+        ge=0,
+        le=1,
+        description="Probability that the box of somebody who was out of sight is another's, above "
+        "which it gets a fresh id; where looks are known they decide instead",
+    )
+    away_s: float = Field(0.2, ge=0, le=60, description="Time without a box for that to apply [s]")
     memory_size: int = Field(64, ge=1, le=10000, description="Most people remembered at a time")
 
 
