@@ -37,7 +37,7 @@ T = TypeVar("T")
 @app.command()
 def main(
     folder: Annotated[Path, typer.Argument(help="where the picture goes")],
-    after_s: Annotated[float, typer.Option(help="simulated seconds into the episode")] = 19.0,
+    after_s: Annotated[float, typer.Option(help="simulated seconds into the episode")] = 15.0,
 ) -> None:
     """Run `heel demo`, look at its page, and keep the picture of a moment."""
     with _demo() as url, _browser() as driver:

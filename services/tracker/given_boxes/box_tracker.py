@@ -136,6 +136,7 @@ class BoxTracker:
             )
             for k, track in enumerate(everyone):
                 track.mean, track.covariance = mean[k], covariance[k]
+                track.confidence_before = track.confidence
         if camera is not None:
             self._carried = True
             carry(everyone, camera)
@@ -207,9 +208,8 @@ class BoxTracker:
         for k, (i, j) in enumerate(pairs):
             track = tracks[k]
             others = np.delete(sure[:, j], i)
-            unseen_s = max(t_s - self._elapsed_s - track.seen_s, 0.0)
-            doubt = 1.0 if pictures else math.exp(-unseen_s / self.settings.life.doubt_s)
-            track.doubt(float(others.sum()), float(others.max(initial=0.0)), doubt)
+            sure_back = self._sure_back(track, frame, j, t_s)
+            track.doubt(float(others.sum()), float(others.max(initial=0.0)), sure_back)
             if track.confirmed and not self._identity.open(track):
                 away_s = 0.0 if pictures else t_s - track.seen_s
                 if self._in_doubt(track, away_s, float(others.sum())):
@@ -218,6 +218,21 @@ class BoxTracker:
             if not track.confirmed and len(known):
                 shared = float(iou(track.box()[None], known).max())
             track.believe(float(frame.scores[j]), shared, t_s, self.settings.life)
+
+    def _sure_back(self, track: Track, frame: FrameBoxes, box: int, t_s: float) -> float:
+        """Factor in [0, 1] on the confidence in a track that has got a box after time unseen."""
+        if frame.looks is None:
+            unseen_s = max(t_s - self._elapsed_s - track.seen_s, 0.0)
+            return math.exp(-unseen_s / self.settings.life.doubt_s)
+        if not track.confirmed or t_s - track.seen_s <= self.settings.life.away_s:
+            return 1.0
+        missing = self._recall.lost + [
+            other
+            for other in self._tracks
+            if other.confirmed and other.seen_s < t_s and other is not track
+        ]
+        at_edge = self._recall.at_edge(track)
+        return self._identity.back(track, frame.looks[box], missing, at_edge)
 
     def _in_doubt(self, track: Track, away_s: float, rivals: float) -> bool:
         """Whether a box is no reason to go on with an id: rather a fresh one than a wrong one."""

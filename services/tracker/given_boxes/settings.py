@@ -163,6 +163,15 @@ class AppearanceSettings(StrictSettings):
     decide: float = Field(
         3.0, gt=0, le=20, description="Log odds that decide who is who after two people met"
     )
+    alike: float = Field(
+        0.05,
+        ge=0,
+        le=10,
+        description="Odds that somebody who is back is another missing person of the same look",
+    )
+    alike_at_edge: float = Field(
+        0.4, ge=0, le=10, description="The same at the edge of the picture, where people come in"
+    )
     settle_s: float = Field(
         2.0, ge=0, le=60, description="Time in clear view after which who is who stays open [s]"
     )

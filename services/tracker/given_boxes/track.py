@@ -68,6 +68,7 @@ class Track:
     hits: int = 1
     confirmed: bool = False
     confidence: float = 1.0  # that this is who got the id
+    confidence_before: float = 1.0  # the same before this frame's boxes
     runner_up: float = 0.0  # that this is the best other known person
     walked: bool = False  # has moved as only people do
     gallery: Gallery = field(default_factory=Gallery)

@@ -8,6 +8,7 @@ import pytest
 from services.tracker.given_boxes.appearance import LOOK_LENGTH, cut_out, describe, distances
 from services.tracker.given_boxes.contacts import Contacts
 from services.tracker.given_boxes.geometry import FloatArray
+from services.tracker.given_boxes.identity import Identity
 from services.tracker.given_boxes.looks import Gallery, LookModel, nearest_views
 from services.tracker.given_boxes.settings import AppearanceSettings
 from services.tracker.given_boxes.track import Track
@@ -128,3 +129,32 @@ def test_a_contact_ends_when_one_of_the_two_is_forgotten() -> None:
     contacts.touch(one, other, 0.0)
     contacts.decide([], np.zeros((0, LOOK_LENGTH)), {id(one)}, 0.1, 0.1)
     assert not contacts.among(one)
+
+
+def test_both_are_in_doubt_while_a_contact_is_open() -> None:
+    """A box that may be the other's makes the other's next box as doubtful."""
+    one, other = person(1, RED), person(2, ALMOST_RED)
+    contacts = Contacts(SETTINGS, LookModel(SETTINGS))
+    one.doubt(rivals=0.5, best=0.5, memory=1.0)
+    contacts.touch(one, other, 0.0)
+    contacts.decide([], np.zeros((0, LOOK_LENGTH)), {id(one), id(other)}, 0.0, 0.1)
+    assert one.confidence == pytest.approx(0.5)
+    assert other.confidence == pytest.approx(0.5)
+    assert other.runner_up == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("missing", "at_edge", "low", "high"),
+    [
+        (None, True, 1.0, 1.0),
+        (GREEN, True, 0.95, 1.0),
+        (ALMOST_RED, True, 0.3, 0.8),
+        (ALMOST_RED, False, 0.8, 0.97),
+    ],
+)
+def test_who_is_back_may_be_a_missing_person_of_the_same_look(
+    missing: Colours | None, at_edge: bool, low: float, high: float
+) -> None:
+    others = [] if missing is None else [person(2, missing)]
+    sure = Identity(SETTINGS).back(person(1, RED), looks(RED, 1)[0], others, at_edge)
+    assert low <= sure <= high
