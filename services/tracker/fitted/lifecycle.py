@@ -16,20 +16,53 @@ CONFIRM_HITS = 3
 _CONFIRM_MOVED = 0.2
 """Way from the place of birth, heights."""
 _CONFIRM_MOVING_HITS, _MOVING_SHARE, _MOVING_GAIN = 3, 0.2, 0.3
-_SAME_AFTER_S = 0.4
+_SAME_AFTER_S, _HIDDEN_AFTER_S = 0.4, 1.5
 _SAME_IOU, _SAME_CONTAINED, _NEVER_CLEAN = 0.5, 0.7, 0.7
 _LEAST_INSIDE = 0.2
+_BORDER = 0.3
+"""Heights from the border of the image within which people come and go."""
+_BESIDE = 0.7
+"""Heights between the feet of two people who may have been taken for one."""
+_TORN, _TORN_AT_ONCE, _TORN_LEAST, _PARTED_GAIN = 0.85, 0.8, 4, 0.5
+"""Three pairs taken for one explained 0.7, 0.7 and 0.8 of the median before once parted, and 0.7 of
+the frames just before; others beside whom somebody came into view 0.85 and more of either."""
 CLUTTER_HEIGHT = 0.85
 """People lower than this share of the lowest that is shown are not looked for."""
 
 
-def confirm_if_due(person: Person, evidence: Image, ratio: float) -> None:
-    """A person counts once seen several times and moving: ghosts and lamps never move."""
+def confirm_if_due(person: Person, evidence: Image, ratio: float) -> bool:
+    """A person counts once seen several times and moving: ghosts and lamps never move.
+
+    Returns:
+        Whether the person counts since this frame.
+    """
     moves = moving_share(evidence, person.box(ratio)) > _MOVING_SHARE
     person.moving_hits += person.gain > _MOVING_GAIN and moves
-    if not person.confirmed and person.hits >= CONFIRM_HITS:
-        moved = person.moved() > _CONFIRM_MOVED
-        person.confirmed = moved or person.moving_hits >= _CONFIRM_MOVING_HITS
+    if person.confirmed or person.hits < CONFIRM_HITS:
+        return False
+    moved = person.moved() > _CONFIRM_MOVED
+    person.confirmed = moved or person.moving_hits >= _CONFIRM_MOVING_HITS
+    return person.confirmed
+
+
+def is_torn(person: Person, newcomer: Person) -> bool:
+    """Whether the newcomer, just confirmed, explains what the person's box explained before."""
+    x, y = person.foot
+    beside = abs(newcomer.foot[0] - x) < _BESIDE * person.height
+    beside = beside and abs(newcomer.foot[1] - y) < _BESIDE * person.height
+    before, since = list(person.gains)[: -CONFIRM_HITS - 1], list(person.gains)[-2:]
+    if not beside or len(before) < _TORN_LEAST or person.missed_frames > 0:
+        return False
+    least = min(_TORN * float(np.median(before)), _TORN_AT_ONCE * float(np.mean(before[-3:])))
+    return min(newcomer.gain, *since) > _PARTED_GAIN and float(np.mean(since)) < least
+
+
+def at_border(person: Person, shape: tuple[int, ...], ratio: float) -> bool:
+    """Whether somebody may just have come into the picture (rows, columns) here."""
+    left, top, right, bottom = person.box(ratio)
+    margin = _BORDER * person.height
+    across = left < margin or right > shape[1] - margin
+    return across or top < margin or bottom > shape[0] - margin
 
 
 def moving_share(evidence: Image, box: Box) -> float:
@@ -48,7 +81,9 @@ def without_duplicates(
     for person in people:
         explains = person.gain >= duplicate_gain
         person.duplicate_s = 0.0 if explains else person.duplicate_s + dt_s
-        if person.duplicate_s < _SAME_AFTER_S:
+        # Who was once seen alone is hidden, most likely, and not somebody's double.
+        was_clean = person.best_gain >= _NEVER_CLEAN
+        if person.duplicate_s < (_HIDDEN_AFTER_S if was_clean else _SAME_AFTER_S):
             continue
         older = (other for other in people if other.id not in gone and other.hits > person.hits)
         if any(_same(person, other, ratio) for other in older):

@@ -16,8 +16,6 @@ from services.tracker.settings import TrackerSettings
 _SIDE, _BELOW = 0.03, 0.02
 """Margin of the box around the silhouette: arms and feet reach out."""
 OCCLUDED_BELOW = 0.5
-_UNDECIDED = 0.7
-"""Factor on the confidence of somebody whose contact with others is not decided yet."""
 _DOUBT_S = 4.0
 """Confidence falls to 1/e in this time unseen."""
 
@@ -96,9 +94,9 @@ class Reporter:
 
 
 def _confidence(person: Person) -> float:
-    """Not calibrated: 1 for somebody seen ever since and never in contact with others."""
-    undecided = _UNDECIDED if person.rivals else 1.0
-    return person.identity_confidence * undecided * math.exp(-person.missed_s / _DOUBT_S)
+    """That the id is still on the same person: contacts, decided or not, and time unseen."""
+    exchanged = math.prod(1.0 - odds for odds in person.rivals.values())
+    return person.identity_confidence * exchanged * math.exp(-person.missed_s / _DOUBT_S)
 
 
 def _state(person: Person) -> TrackState:

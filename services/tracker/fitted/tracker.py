@@ -19,13 +19,15 @@ from services.tracker.fitted.fitting import (
     measure_height,
     shares_in_view,
 )
-from services.tracker.fitted.identity import Identities
+from services.tracker.fitted.identity import Identities, Ids
 from services.tracker.fitted.kalman import FootFilter
 from services.tracker.fitted.lifecycle import (
     CLUTTER_HEIGHT,
+    at_border,
     confirm_if_due,
     is_alive,
     is_forgotten,
+    is_torn,
     missed_near,
     without_duplicates,
 )
@@ -57,14 +59,20 @@ class FittedTracker:
 
     def __init__(self, settings: TrackerSettings, next_id: int) -> None:
         """Start with nobody known; the first person gets `next_id`."""
-        self.next_id = next_id
+        self._ids = Ids(next_id)
+        self._now_s = 0.0
         self._settings = settings
         self._people: list[Person] = []
         self._scale: SceneScale | None = None
         self._canvas: Canvas | None = None
         self._shape: tuple[int, ...] = (0, 0)
         self._frame = 0
-        self._identities = Identities()
+        self._identities = Identities(self._ids)
+
+    @property
+    def next_id(self) -> int:
+        """The id of the next person."""
+        return self._ids.next
 
     def update(self, blobs: Blobs, evidence: Image | None, dt_s: float) -> list[Track]:
         """Tracks of one frame, by id.
@@ -84,6 +92,7 @@ class FittedTracker:
         if self._scale is None:
             return []
         self._frame += 1
+        self._now_s += dt_s
         for person in self._people:
             person.predict(dt_s, self._scale)
         if evidence is None:
@@ -104,15 +113,15 @@ class FittedTracker:
         for person in self._people:
             person.in_view = in_view[person.id]
             self._measure(canvas, person, fits.get(person.id), dt_s, scale)
-            if person.missed_frames == 0:
-                confirm_if_due(person, evidence, scale.ratio)
+            if person.missed_frames == 0 and confirm_if_due(person, evidence, scale.ratio):
+                self._part(person)
         people = without_duplicates(self._people, scale.ratio, dt_s, self._settings.duplicate_gain)
         self._people = [
             person for person in people if is_alive(person, canvas, scale.ratio, self._settings)
         ]
         samples = [] if scale.known and scale.settled else samples_of(evidence)
         self._give_birth(canvas, scale, samples)
-        self._identify(blobs, evidence, scale.ratio)
+        self._identify(blobs, evidence, scale.ratio, dt_s)
         for sample in samples:
             scale.add_blob(sample.foot[1], sample.height)
         scale.update(weighted)
@@ -151,9 +160,9 @@ class FittedTracker:
                     scale.add_person(person.id, foot_row, height)
                 person.correct_height(height, _HEIGHT_DEVIATION)
 
-    def _identify(self, blobs: Blobs, evidence: Image, ratio: float) -> None:
+    def _identify(self, blobs: Blobs, evidence: Image, ratio: float, dt_s: float) -> None:
         people = [person for person in self._people if person.confirmed]
-        self._identities.meet(people, ratio)
+        self._identities.meet(people, ratio, dt_s)
         due = [
             person
             for person in people
@@ -165,7 +174,14 @@ class FittedTracker:
                 look = look_of(picture, evidence, person.box(ratio))
                 if look is not None:
                     self._identities.see(person, look)
-            self._identities.decide(people)
+            self._identities.decide(people, self._now_s)
+            self._people = [person for person in self._people if not person.is_replaced]
+
+    def _part(self, newcomer: Person) -> None:
+        """Whoever loses much of their evidence to a newcomer was two people in one box so far."""
+        for person in self._people:
+            if person.confirmed and person is not newcomer and is_torn(person, newcomer):
+                self._identities.give_up(person, self._people)
 
     def _give_birth(self, canvas: Canvas, scale: SceneScale, samples: Sequence[Sample]) -> None:
         """New people, unless a person who has just been missed is within reach."""
@@ -184,5 +200,6 @@ class FittedTracker:
             elif len(self._people) < MAX_TRACKS:
                 speed_y = 0.5 / (1.0 + 2.0 * scale.line.slope)
                 foot = FootFilter(fit.foot, height, settings.acceleration, speed_y)
-                self._people.append(Person(self.next_id, foot, height, fit.foot, fit.gain))
-                self.next_id += 1
+                person = Person(self._ids.take(), foot, height, fit.foot, fit.gain)
+                person.born_at_border = at_border(person, self._shape, scale.ratio)
+                self._people.append(person)
