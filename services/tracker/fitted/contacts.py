@@ -10,7 +10,7 @@ from services.tracker.fitted.person import Person
 
 _CONTACT = 0.25
 """Share of the smaller overlap of two boxes from which two people are in contact."""
-_HIDDEN = 0.6
+_HIDDEN = 0.8
 TOUCH = 0.003
 """Probability that two people who met and stayed in view bear each other's id: none of 20 did."""
 _MIXED_S = 5.0

@@ -19,6 +19,9 @@ _CONFIRM_MOVING_HITS, _MOVING_SHARE, _MOVING_GAIN = 3, 0.2, 0.3
 _SAME_AFTER_S, _HIDDEN_AFTER_S = 0.4, 1.5
 _SAME_IOU, _SAME_CONTAINED, _NEVER_CLEAN = 0.5, 0.7, 0.7
 _LEAST_INSIDE = 0.2
+EARLY_S, _GHOST_AFTER_S, _GHOST_MOVED = 5.0, 1.0, 0.7
+"""Who was found soon after the start, never went farther, heights, and does not move at all is what
+somebody left behind who was learned as background: people who stand there came from somewhere."""
 _BORDER = 0.3
 """Heights from the border of the image within which people come and go."""
 _BESIDE = 0.7
@@ -30,7 +33,7 @@ CLUTTER_HEIGHT = 0.85
 """People lower than this share of the lowest that is shown are not looked for."""
 
 
-def confirm_if_due(person: Person, evidence: Image, ratio: float) -> bool:
+def confirm_if_due(person: Person, evidence: Image, ratio: float, dt_s: float) -> bool:
     """A person counts once seen several times and moving: ghosts and lamps never move.
 
     Returns:
@@ -38,6 +41,7 @@ def confirm_if_due(person: Person, evidence: Image, ratio: float) -> bool:
     """
     moves = moving_share(evidence, person.box(ratio)) > _MOVING_SHARE
     person.moving_hits += person.gain > _MOVING_GAIN and moves
+    person.still_s = 0.0 if moves else person.still_s + dt_s
     if person.confirmed or person.hits < CONFIRM_HITS:
         return False
     moved = person.moved() > _CONFIRM_MOVED
@@ -102,6 +106,8 @@ def is_alive(person: Person, canvas: Canvas, ratio: float, settings: TrackerSett
     _, top, _, bottom = person.box(ratio)
     inside = 0 <= person.foot[0] < canvas.columns and top < canvas.rows and bottom > 0
     large = person.height > CLUTTER_HEIGHT * settings.min_height * canvas.rows
+    if person.born_early and person.still_s > _GHOST_AFTER_S and person.moved() < _GHOST_MOVED:
+        return False
     here = inside and person.inside > _LEAST_INSIDE and large
     return here and not is_forgotten(person, settings)
 

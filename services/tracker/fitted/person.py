@@ -36,7 +36,9 @@ class Person:
         in_view: share of the silhouette that no nearer person covers.
         fitted_foot: where the template was placed in this frame.
         duplicate_s: for how long others have explained all of this person's evidence.
+        still_s: for how long nothing has moved where the person is seen.
         seen_foot: where the person was seen last.
+        born_early: when the background was hardly known.
         born_at_border: of the image, where people come and go.
         gains: the last ones while nobody covered the person.
         is_newcomer: may be somebody who was lost.
@@ -63,6 +65,8 @@ class Person:
     inside: float = 1.0
     in_view: float = 1.0
     duplicate_s: float = 0.0
+    still_s: float = 0.0
+    born_early: bool = False
     fitted_foot: Foot = (0.0, 0.0)
     height_variance: float = _HEIGHT_VARIANCE
     seen_foot: Foot = (0.0, 0.0)

@@ -23,6 +23,7 @@ from services.tracker.fitted.identity import Identities, Ids
 from services.tracker.fitted.kalman import FootFilter
 from services.tracker.fitted.lifecycle import (
     CLUTTER_HEIGHT,
+    EARLY_S,
     at_border,
     confirm_if_due,
     is_alive,
@@ -113,7 +114,8 @@ class FittedTracker:
         for person in self._people:
             person.in_view = in_view[person.id]
             self._measure(canvas, person, fits.get(person.id), dt_s, scale)
-            if person.missed_frames == 0 and confirm_if_due(person, evidence, scale.ratio):
+            seen = person.missed_frames == 0
+            if seen and confirm_if_due(person, evidence, scale.ratio, dt_s):
                 self._part(person)
         people = without_duplicates(self._people, scale.ratio, dt_s, self._settings.duplicate_gain)
         self._people = [
@@ -201,5 +203,6 @@ class FittedTracker:
                 speed_y = 0.5 / (1.0 + 2.0 * scale.line.slope)
                 foot = FootFilter(fit.foot, height, settings.acceleration, speed_y)
                 person = Person(self._ids.take(), foot, height, fit.foot, fit.gain)
+                person.born_early = self._now_s < EARLY_S
                 person.born_at_border = at_border(person, self._shape, scale.ratio)
                 self._people.append(person)
