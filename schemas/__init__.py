@@ -13,17 +13,20 @@ from schemas.errors import HeelError, KeyNameError, MessageError, SettingsError,
 from schemas.follow import EStop, FollowState, MotionCommand, Target, TargetRequest
 from schemas.frame import CameraInfo, EndOfStream, FrameId, Header, Progress, Stamp
 from schemas.health import Health
+from schemas.robot import DriveState, Odometry, Ranges, RangeSector
+from schemas.simulation import Pose, SimObstacle, SimPerson, SimTruth, SimWorld
 from schemas.tracks import Track, Tracks
 
 MESSAGES: tuple[type[Message], ...] = (
     Header, Stamp, CameraInfo, Blobs, Tracks, MotionCommand, TargetRequest, Target, EStop,
-    FollowState, Health, EndOfStream, Progress,
+    FollowState, Odometry, Ranges, DriveState, SimTruth, SimWorld, Health, EndOfStream, Progress,
 )  # fmt: skip
 """Every message type, in the order of the documentation."""
 
 __all__ = [
-    "MESSAGES", "Blob", "Blobs", "CameraInfo", "CameraMotion", "EStop", "EndOfStream", "Evidence",
-    "FollowState", "FrameId", "Header", "Health", "HeelError", "KeyNameError", "Message",
-    "MessageError", "MotionCommand", "Patch", "Progress", "SettingsError", "SourceError", "Stamp",
-    "Target", "TargetRequest", "Track", "Tracks", "decode", "encode",
+    "MESSAGES", "Blob", "Blobs", "CameraInfo", "CameraMotion", "DriveState", "EStop", "EndOfStream",
+    "Evidence", "FollowState", "FrameId", "Header", "Health", "HeelError", "KeyNameError",
+    "Message", "MessageError", "MotionCommand", "Odometry", "Patch", "Pose", "Progress",
+    "RangeSector", "Ranges", "SettingsError", "SimObstacle", "SimPerson", "SimTruth", "SimWorld",
+    "SourceError", "Stamp", "Target", "TargetRequest", "Track", "Tracks", "decode", "encode",
 ]  # fmt: skip

@@ -56,7 +56,7 @@ class Patch(Part):
 
 
 class Blob(Part):
-    """One connected foreground region that passed the true-blob test."""
+    """One connected foreground region that passed the true-blob test, or one detected person."""
 
     box_xyxy: BoxXyxy = Field(
         description="left < right, top < bottom, at most one frame's size outside"
@@ -64,6 +64,10 @@ class Blob(Part):
     area_px: NonNegative = Field(description="foreground pixels, frame scale")
     centroid: Point
     patch: Patch
+    score: Fraction | None = Field(
+        default=None,
+        description="how sure a detector of people is of this one; none: a foreground region",
+    )
 
 
 class Evidence(Part):
@@ -137,6 +141,10 @@ class Blobs(FrameId, Message):
     source_width: Dimension
     source_height: Dimension
     blobs: Annotated[tuple[Blob, ...], Field(max_length=MAX_BLOBS), FailFast()] = ()
+    kind: Literal["regions", "people"] = Field(
+        default="regions",
+        description="regions: pieces of foreground; people: one box a person, each with a score",
+    )
     blobs_left_out: Count = Field(default=0, description="blobs beyond the cap of the message")
     evidence: Evidence | None = None
     camera_motion: CameraMotion | None = Field(default=None, description="none: it stood still")
@@ -159,4 +167,10 @@ class Blobs(FrameId, Message):
                 raise ValueError(
                     f"box {blob.box_xyxy} is not by a frame {self.width}x{self.height}"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _people_have_scores(self) -> Self:
+        if self.kind == "people" and any(blob.score is None for blob in self.blobs):
+            raise ValueError("kind 'people' needs a score with every blob")
         return self

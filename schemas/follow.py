@@ -6,13 +6,24 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from schemas.base import Count, Flag, Message, NonNegative, PersonId, Real, Text, TimeNs
+from schemas.base import (
+    Count,
+    Flag,
+    Fraction,
+    Message,
+    NonNegative,
+    PersonId,
+    Real,
+    Text,
+    TimeNs,
+)
 from schemas.frame import FrameId, Producer
 
 FollowStateName = Literal[
     "idle", "acquiring", "following", "occluded", "unsure", "searching", "lost", "stopped"
 ]
-TargetMode = Literal["id", "point", "nearest", "none"]
+TargetMode = Literal["id", "point", "nearest", "imprint", "none"]
+"""`imprint`: the person who stands before the robot for a while."""
 
 
 class MotionCommand(Message):
@@ -98,3 +109,12 @@ class FollowState(Message):
     tracks_age_s: NonNegative | None = Field(default=None, description="none: no tracks yet")
     linear_mps: Real
     angular_radps: Real
+    distance_m: NonNegative | None = Field(default=None, description="of the target, if in sight")
+    bearing_rad: Real | None = Field(default=None, description="of the target, left is positive")
+    identity_confidence: Fraction | None = Field(default=None, description="of the target")
+    obstacle_watch: Flag = Field(
+        default=False, description="whether fresh ranges cap the speed; if not, nothing does"
+    )
+    free_distance_m: NonNegative | None = Field(
+        default=None, description="in the direction of travel, while ranges are fresh"
+    )

@@ -45,8 +45,12 @@ class Track(Part):
     occluded_by: Annotated[tuple[PersonId, ...], Field(max_length=MAX_TRACKS), FailFast()] = ()
     missed_frames: Count = 0
     shown: Flag = Field(description="whether a user is shown this box and files receive it")
-    distance_m: NonNegative | None = None
+    distance_m: NonNegative | None = Field(
+        default=None, description="from the camera along the ground; none: not calibrated"
+    )
+    distance_sigma_m: NonNegative | None = Field(default=None, description="standard deviation")
     bearing_rad: Real | None = Field(default=None, description="left is positive")
+    bearing_sigma_rad: NonNegative | None = Field(default=None, description="standard deviation")
 
 
 class Tracks(FrameId, Message):

@@ -10,6 +10,7 @@ import typer
 from services.capture.settings import CaptureSettings
 from services.commands import register_tools
 from services.detector.settings import DetectorServiceSettings
+from services.drive.settings import DriveServiceSettings
 from services.follower.settings import FollowerServiceSettings
 from services.runtime.command_line import later, run_process, settings_command
 from services.runtime.router import RouterSettings
@@ -21,6 +22,7 @@ _SERVICES = (
     ("detector", DetectorServiceSettings, "Find people-sized foreground in every frame."),
     ("tracker", TrackerServiceSettings, "Give people identities and keep them."),
     ("follower", FollowerServiceSettings, "Turn the chosen person into motion commands."),
+    ("drive", DriveServiceSettings, "Turn motion commands into wheels; stop when they stop."),
     ("web", WebServiceSettings, "Serve the live picture and control page."),
 )
 

@@ -15,16 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, FrameId, MotionCommand, Tracks
+from schemas import Blobs, CameraInfo, FrameId, MotionCommand, Tracks
+from services.capture.describe import Mounting, mounting
 from services.capture.packing import fit_to_cap
 from services.capture.scene_source import open_scene
+from services.capture.settings import CaptureSettings
 from services.capture.sources import open_source
 from services.detector.core import Detector
 from services.detector.settings import DetectorServiceSettings, DetectorSettings
 from services.follower.core import Follower
 from services.follower.settings import FollowerServiceSettings, FollowerSettings
 from services.runtime.settings import Loaded, load_settings
-from services.tracker.core import Tracker
+from services.tracker.core import configured
 from services.tracker.settings import TrackerServiceSettings, TrackerSettings
 
 REPEATABLE_EPOCH = 1
@@ -38,7 +40,7 @@ class InProcessPipeline:
 
     def __init__(self, detector: DetectorSettings, tracker: TrackerSettings) -> None:
         self._detector = Detector(detector)
-        self._tracker = Tracker(tracker)
+        self._tracker = configured(tracker)
         self._recent: deque[Tracks] = deque(maxlen=detector.feedback_lag_frames)
 
     def step(
@@ -74,19 +76,34 @@ class FollowingPipeline:
     """Detector, tracker and follower, with the stream as their clock."""
 
     def __init__(
-        self, detector: DetectorSettings, tracker: TrackerSettings, follower: FollowerSettings
-    ) -> None:
+        self, detector: DetectorSettings, tracker: TrackerSettings, follower: FollowerSettings,
+        camera: Mounting,
+    ) -> None:  # fmt: skip
         self._perception = InProcessPipeline(detector, tracker)
         self._follower = Follower(follower)
+        self._camera: Mounting | None = camera
 
     def step(
         self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
     ) -> PipelineResult:
         """Process one frame; arguments as `InProcessPipeline.step`."""
         blobs, tracks = self._perception.step(frame, image, source_size)
+        if self._camera is not None:
+            self._follower.set_camera(_camera_info(tracks, self._camera))
+            self._camera = None
         self._follower.observe(tracks, _TRACKER)
         command = self._follower.step(frame.t_capture_ns * 1e-9, 0.0)
         return PipelineResult(blobs, tracks, command, self._follower.target.track_id)
+
+
+def _camera_info(tracks: Tracks, camera: Mounting) -> CameraInfo:
+    """What the capture process would say of its camera, as far as it matters to the follower."""
+    return CameraInfo(
+        stream=tracks.stream, epoch=tracks.epoch, width=tracks.width, height=tracks.height,
+        source_width=tracks.source_width, source_height=tracks.source_height, fps=1.0,
+        source="in process", horizontal_fov_rad=camera.horizontal_fov_rad,
+        mount_height_m=camera.mount_height_m, mount_pitch_rad=camera.mount_pitch_rad,
+    )  # fmt: skip
 
 
 def load_pipeline(
@@ -106,8 +123,12 @@ def load_pipeline(
     follower: Loaded[FollowerServiceSettings] = load_settings(
         "follower", FollowerServiceSettings, {"follower": {"target": target}}, file
     )
+    capture: Loaded[CaptureSettings] = load_settings("capture", CaptureSettings, {}, file)
     shown = detector.shown("detector") | tracker.shown("tracker") | follower.shown("follower")
-    return FollowingPipeline(detector.service, tracker.service, follower.service), shown
+    pipeline = FollowingPipeline(
+        detector.service, tracker.service, follower.service, mounting(capture.service)
+    )
+    return pipeline, shown
 
 
 class RecordedFrames:

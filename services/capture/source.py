@@ -43,6 +43,8 @@ class Frame:
         source_width: width in pixels before `--scale`.
         source_height: height in pixels before `--scale`.
         acquired_ns: `time.monotonic_ns()` when a camera delivered it, None in a recording.
+        new_ns: the same of the newest picture that showed anything new. A camera that repeats
+            itself byte for byte, or is black, shows nothing newer: its age counts from then.
     """
 
     image: NDArray[np.uint8]
@@ -51,6 +53,7 @@ class Frame:
     source_width: int
     source_height: int
     acquired_ns: int | None = None
+    new_ns: int | None = None
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class SourceStatus:
     """How a source is doing.
 
     Attributes:
-        state: `stalled` is connected but silent, `frozen` the same bytes over and over.
+        state: `stalled` is connected but silent, `frozen` shows nothing new.
         attempt: number of the current attempt to connect again, 0 when connected.
         reconnects: times the connection was lost and found again.
         last_error: why the connection was lost last, empty if it never was.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from services.commands.calibrate import calibrate
 from services.commands.control import follow, resume, status, stop
 from services.commands.demo import demo
 from services.commands.run import run
@@ -18,6 +19,7 @@ def register_tools(app: typer.Typer) -> None:
     app.command()(run)
     app.command("eval")(score)
     app.command("track-detections")(track_detections)
+    app.command()(calibrate)
     app.command()(follow)
     app.command()(stop)
     app.command()(resume)

@@ -46,6 +46,7 @@ class DistributedRun:
         Raises:
             HeelError: a service failed or hung; the files written so far are kept.
         """
+        process.keep_freed_memory()
         with ExitStack() as stack:
             outputs = stack.enter_context(RunOutputs(self._options.out))
             stack.callback(self.summary.write, self._options.out)
@@ -58,6 +59,7 @@ class DistributedRun:
             children = stack.enter_context(Children(self._options.out / "logs"))
             self._start(session, endpoint, children)
             progress = stack.enter_context(RunProgress(self._options.progress))
+            process.spare_from_collection()
             self._collect(inbox, collector, children, progress)
         return self.summary
 

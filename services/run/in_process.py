@@ -41,6 +41,7 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
             else None
         )
         progress = stack.enter_context(RunProgress(options.progress))
+        process.spare_from_collection()
         started_s = time.monotonic()
         for frame, image, source_size in itertools.islice(frames, options.frames):
             if stop.is_set():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import logging
 import os
 import resource
@@ -31,6 +32,15 @@ def keep_freed_memory() -> None:
         libc.mallopt(_M_MMAP_THRESHOLD, 32 << 20)
     except (OSError, AttributeError):
         return
+
+
+def spare_from_collection() -> None:
+    """Exempt all objects there are by now from garbage collection: they live as long as we do.
+
+    Looking through what the imports leave behind took 50 to 70 ms, one or two dropped frames, in
+    every service once soon after the first frame.
+    """
+    gc.freeze()
 
 
 def die_with_parent() -> None:

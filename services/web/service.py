@@ -22,6 +22,7 @@ from schemas import (
 )
 from services.runtime import qos
 from services.runtime.inbox import Arrival
+from services.runtime.latched import LatchedQuery
 from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from services.runtime.settings import Loaded
 from services.runtime.streams import StreamJudge
@@ -31,7 +32,6 @@ from services.web.guard import HostGuard
 from services.web.handlers import Site
 from services.web.hub import Hub
 from services.web.joiner import FrameJoiner, HeldImage, Joined
-from services.web.latched import LatchedQuery
 from services.web.picture import to_jpeg
 from services.web.rate import RateLimiter
 from services.web.server import ServerThread, listen

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from services.tracker.fitted.appearance import Gallery, Look
+from services.tracker.fitted.arrays import Floats
 from services.tracker.fitted.contacts import group_of, meet, prior_nats
 from services.tracker.fitted.memory import Lost, Memory
 from services.tracker.fitted.odds import (
@@ -78,6 +79,10 @@ class Identities:
                 self._welcome(person, people, now_s)
         wanted = {person.id for person in people}.union(*(person.rivals for person in people))
         self._galleries = {key: value for key, value in self._galleries.items() if key in wanted}
+
+    def carry(self, affine: Floats) -> None:
+        """Move where people were lost with the picture; (2, 3), working pixels."""
+        self._memory.carry(affine)
 
     def give_up(self, person: Person, people: Sequence[Person]) -> None:
         """The id stood for more than one person: a new one, and a new gallery with it."""

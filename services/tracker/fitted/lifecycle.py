@@ -29,8 +29,10 @@ _BESIDE = 0.7
 _TORN, _TORN_AT_ONCE, _TORN_LEAST, _PARTED_GAIN = 0.85, 0.8, 4, 0.5
 """Three pairs taken for one explained 0.7, 0.7 and 0.8 of the median before once parted, and 0.7 of
 the frames just before; others beside whom somebody came into view 0.85 and more of either."""
+_KNOWN_HEIGHT = 0.7
 CLUTTER_HEIGHT = 0.85
-"""People lower than this share of the lowest that is shown are not looked for."""
+"""People lower than this share of the lowest that is shown are not looked for; those who are known
+may go a little farther away, and come back."""
 
 
 def confirm_if_due(person: Person, evidence: Image, ratio: float, dt_s: float) -> bool:
@@ -105,7 +107,8 @@ def is_alive(person: Person, canvas: Canvas, ratio: float, settings: TrackerSett
     """Not forgotten, in the image, and not too small to be told from clutter."""
     _, top, _, bottom = person.box(ratio)
     inside = 0 <= person.foot[0] < canvas.columns and top < canvas.rows and bottom > 0
-    large = person.height > CLUTTER_HEIGHT * settings.min_height * canvas.rows
+    lowest = _KNOWN_HEIGHT if person.confirmed else CLUTTER_HEIGHT
+    large = person.height > lowest * settings.min_height * canvas.rows
     if person.born_early and person.still_s > _GHOST_AFTER_S and person.moved() < _GHOST_MOVED:
         return False
     here = inside and person.inside > _LEAST_INSIDE and large

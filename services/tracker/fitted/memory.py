@@ -8,17 +8,15 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from services.tracker.fitted.appearance import Gallery
-from services.tracker.fitted.arrays import Foot
+from services.tracker.fitted.arrays import Floats, Foot, carried
 from services.tracker.fitted.person import Person
 
 _KEPT, _KEPT_S = 32, 120.0
 _NEAR, _SPEED = 0.6, 1.2
 """How far somebody lost may be: heights at once, and heights a second."""
-_SIZE = 0.25
-"""Difference of ln(height by the scene's) that one person does not have."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Lost:
     """Somebody lost; lengths in working pixels."""
 
@@ -54,6 +52,11 @@ class Memory:
         self._lost[lost.id] = lost
         while len(self._lost) > _KEPT:
             self._lost.popitem(last=False)
+
+    def carry(self, affine: Floats) -> None:
+        """Move everybody with the picture; (2, 3), working pixels."""
+        for lost in self._lost.values():
+            lost.foot = carried(lost.foot, affine)
 
     def forget(self, ids: Collection[int]) -> None:
         """These are in view again."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from services.tracker.fitted.appearance import Look
-from services.tracker.fitted.arrays import Box, Foot, box_at
+from services.tracker.fitted.arrays import Box, Floats, Foot, box_at, carried
 from services.tracker.fitted.kalman import FootFilter
 from services.tracker.fitted.scale import SceneScale
 
@@ -105,6 +105,14 @@ class Person:
             pull = (1.0 - math.exp(-dt_s / _HEIGHT_MEMORY_S)) * away
             beyond = away - float(np.clip(away, -limit, limit))
             self.height *= math.exp(-pull - beyond)
+
+    def carry(self, affine: Floats) -> None:
+        """Move with the picture when the camera moves: (2, 3), old to new working pixels."""
+        self.filter.carry(affine)
+        zoom = math.hypot(affine[0, 0], affine[1, 0])
+        self.height *= zoom
+        self.birth_foot = carried(self.birth_foot, affine)
+        self.seen_foot = carried(self.seen_foot, affine)
 
     def miss(self, dt_s: float) -> None:
         """Not seen in this frame."""

@@ -51,28 +51,37 @@ class Line:
         """Expected height at a foot row; never below 4."""
         return max(self.slope * foot_row + self.offset, 4.0)
 
+    def moved(self, shift: float) -> Line:
+        """The same line after everything has moved down by `shift` working pixels."""
+        return Line(self.slope, self.offset - self.slope * shift, self.ratio)
+
 
 class SceneScale:
     """Height line and whether it may be used.
 
+    Rows are kept as they were in the first frame: a camera that tilts moves all of them at once.
+
     Attributes:
-        line: the best so far.
         known: it may be used.
         refused: it was tried and may not; neither while none has been tried.
         typical: height of a person, working pixels.
     """
 
-    def __init__(self, image_height: int, smallest: float, seed: int = 0) -> None:
-        """Start without a line.
+    def __init__(
+        self, image_height: int, smallest: float, seed: int = 0, given: Line | None = None
+    ) -> None:
+        """Start without a line, or with one that stays.
 
         Args:
             image_height: rows of the working image.
             smallest: lowest person considered, working pixels.
             seed: of the sampling, so that equal input gives equal output.
+            given: a line known from elsewhere.
         """
         self.rows = image_height
         self.ratio = WIDTH_RATIO
-        self.line = self._anchor = Line(0.0, 0.0)
+        self._line = self._anchor = Line(0.0, 0.0)
+        self._shift = 0.0
         self.known = False
         self.refused = False
         self.typical = 0.15 * image_height
@@ -82,29 +91,46 @@ class SceneScale:
         self._people: dict[int, deque[tuple[float, float]]] = {}
         self._frame = 0
         self._refit: Iterator[bool] | None = None
+        self._given = given is not None
+        if given is not None:
+            self._line = self._anchor = given
+            self.typical = given.height(0.6 * image_height)
+            self.known = given.slope < _STEEPEST_USED
+            self.refused = not self.known
+
+    @property
+    def line(self) -> Line:
+        """The best so far, by the rows of the present frame."""
+        return self._line.moved(self._shift)
 
     @property
     def settled(self) -> bool:
-        """True once the line comes from tracked people instead of blobs."""
+        """True once the line comes from tracked people, or was given, instead of from blobs."""
+        if self._given:
+            return self.known
         votes = sum(map(len, self._people.values()))
         return len(self._people) >= _SETTLED_PEOPLE and votes >= _SETTLED_VOTES
 
     def height(self, foot_row: float) -> float:
         """Expected height at a foot row, working pixels; never below 4."""
-        return self.line.height(foot_row)
+        return self._line.height(foot_row - self._shift)
+
+    def move(self, shift: float) -> None:
+        """The camera has moved everything down by `shift` working pixels."""
+        self._shift += shift
 
     def spread(self) -> float:
         """Standard deviation of ln(height) around the line."""
-        return float(np.hypot(0.06, 0.035 * self.line.slope))
+        return float(np.hypot(0.06, 0.035 * self._line.slope))
 
     def add_blob(self, foot_row: float, height: float) -> None:
         """A clean person-shaped blob."""
-        self._blobs.append((foot_row, height))
+        self._blobs.append((foot_row - self._shift, height))
 
     def add_person(self, person: int, foot_row: float, height: float) -> None:
         """A tracked person whose height was measured in the open."""
         votes = self._people.setdefault(person, deque(maxlen=_PERSON_VOTES))
-        votes.append((foot_row, height))
+        votes.append((foot_row - self._shift, height))
         if len(self._people) > _PEOPLE:
             self._people.pop(next(iter(self._people)))
 
@@ -114,6 +140,8 @@ class SceneScale:
         A settled line is refitted a little every frame: at once it took 50 ms every 25th frame,
         which was the tracker's p99.
         """
+        if self._given:
+            return
         self._frame += 1
         if self._refit is None and self._is_due():
             self._refit = self._steps(evidence)
@@ -127,6 +155,7 @@ class SceneScale:
 
     def _steps(self, evidence: FloatMap) -> Iterator[bool]:
         """One refit in steps of a millisecond or two; yields False while there is more to do."""
+        shift = self._shift
         votes = [vote for votes in self._people.values() for vote in votes]
         data = np.array(votes if self.settled else [*self._blobs, *votes])
         if len(data) == 0:
@@ -143,7 +172,7 @@ class SceneScale:
             return
         scores = []
         for line in candidates:
-            scores.append(explained_share(reduced, step, line, self._smallest))
+            scores.append(explained_share(reduced, step, line.moved(shift), self._smallest))
             yield False
         self._choose(candidates, scores, typical)
 
@@ -156,13 +185,13 @@ class SceneScale:
         if self.known:  # in doubt the present line stays
             scores[0] = 1.1 * scores[0] + 0.02
         best = int(np.argmax(scores))
-        self.line = candidates[best]
+        self._line = candidates[best]
         if best > 0 or not self.known:
-            self._anchor = self.line
+            self._anchor = self._line
         self.typical = typical
         # A line once good stays, a better one of a low camera does not.
         enough = self.known or scores[best] > _ENOUGH
-        self.known = enough and self.line.slope < _STEEPEST_USED
+        self.known = enough and self._line.slope < _STEEPEST_USED
         self.refused = not self.known
 
     def _candidates(self, foot: Floats, height: Floats, chosen: list[Line]) -> Iterator[None]:
@@ -205,10 +234,10 @@ class SceneScale:
 
     def _polished(self, foot: Floats, height: Floats) -> Line:
         """The present line refitted to the samples that agree with it."""
-        present = np.array([self.line.height(row) for row in foot])
+        present = np.array([self._line.height(row) for row in foot])
         inliers = np.abs(height / present - 1.0) < 1.5 * _TOLERANCE
         if inliers.sum() < max(6.0, 0.3 * len(foot)):
-            return self.line
+            return self._line
         return self._refine(self._anchor, foot[inliers], height[inliers])
 
     def _refine(self, line: Line, foot: Floats, height: Floats) -> Line:

@@ -9,15 +9,15 @@ import numpy as np
 
 from schemas.errors import HeelError
 from services.tracker.given_boxes import kalman
-from services.tracker.given_boxes.appearance import LookModel
 from services.tracker.given_boxes.association import marginals, newcomer_log_density, pair_log_odds
 from services.tracker.given_boxes.camera_motion import CameraMotion
+from services.tracker.given_boxes.carry import CameraStep, carry
+from services.tracker.given_boxes.contacts import pairs_in_doubt
 from services.tracker.given_boxes.frame import FrameBoxes, checked
 from services.tracker.given_boxes.geometry import (
     AXES,
     FloatArray,
-    covered_share,
-    crowding,
+    covered_by,
     iou,
     measurements_to_boxes,
 )
@@ -27,7 +27,8 @@ from services.tracker.given_boxes.groups import (
     measure_members,
     merge_candidates,
 )
-from services.tracker.given_boxes.memory import claims
+from services.tracker.given_boxes.identity import Identity
+from services.tracker.given_boxes.recall import Recall
 from services.tracker.given_boxes.score_scale import ScoreScale
 from services.tracker.given_boxes.settings import BoxTrackerSettings
 from services.tracker.given_boxes.track import Track, TrackOutput
@@ -46,25 +47,32 @@ class BoxTracker:
         self,
         settings: BoxTrackerSettings | None = None,
         image_size: tuple[int, int] | None = None,
+        next_id: int = 1,
     ) -> None:
         """Start with nobody.
 
         Args:
             settings: all numbers; defaults if None.
             image_size: (width, height) in pixels; without it nobody is known to have left.
+            next_id: the first id to give out.
         """
         self.settings = settings or BoxTrackerSettings()
-        self._image_size = image_size
+        self.next_id = next_id
         self._tracks: list[Track] = []
-        self._lost: list[Track] = []
-        self._looks = LookModel(self.settings.appearance)
+        self._identity = Identity(self.settings.appearance)
+        self._recall = Recall(self.settings, self._identity.model, image_size)
+        self._carried = False
         self._scale = ScoreScale()
         self._camera = CameraMotion(self.settings.camera, self.settings.motion)
         self._last_s: float | None = None
-        self._next_id = 1
 
     def update(
-        self, boxes: FloatArray, scores: FloatArray, t_s: float, looks: FloatArray | None = None
+        self,
+        boxes: FloatArray,
+        scores: FloatArray,
+        t_s: float,
+        looks: FloatArray | None = None,
+        camera: CameraStep | None = None,
     ) -> list[TrackOutput]:
         """Take one frame's boxes and return every track that is alive and near.
 
@@ -73,6 +81,7 @@ class BoxTracker:
             scores: (N,), any scale, more is surer.
             t_s: time of the frame in seconds, not before the last frame's.
             looks: (N, D) as of `appearance.describe`, or None without pictures.
+            camera: how the picture moved since the frame before, where that is known.
 
         Raises:
             HeelError: a box or score is not finite, a box has no area, or time runs backwards.
@@ -83,44 +92,61 @@ class BoxTracker:
         frame = replace(frame, scores=self._scale.normalised(frame.raw))
         frame = frame.select(frame.scores >= self.settings.life.keep_score)
         seen = frame.measurements()
-        mean, covariance = self._predict(t_s)
+        mean, covariance = self._predict(t_s, camera)
         pairs, merges, sure = self._associate(mean, covariance, frame, t_s)
-        self._correct(pairs, seen, frame.scores, sure, t_s)
+        self._correct(pairs, seen, frame, sure, t_s)
         self._correct_merged(merges, frame.boxes, t_s)
-        self._learn(pairs, frame)
-        self._miss({i for i, _ in pairs} | {i for merge in merges for i in merge.tracks})
+        self._learn(pairs, merges, sure, frame, t_s)
+        self._miss({i for i, _ in pairs}, {i for merge in merges for i in merge.tracks})
         used = {j for _, j in pairs} | {merge.box for merge in merges}
         self._births(frame, [j for j in range(len(frame.boxes)) if j not in used], t_s)
         self._deaths(t_s, pictures=looks is not None)
         self._confirm(t_s, pictures=looks is not None)
-        return [track.output(t_s, self.settings.life) for track in self._tracks]
+        return [track.output(t_s, self.settings.life, looks is not None) for track in self._tracks]
 
-    def _learn(self, pairs: list[tuple[int, int]], frame: FrameBoxes) -> None:
+    def _learn(
+        self,
+        pairs: list[tuple[int, int]],
+        merges: list[Merge],
+        sure: FloatArray,
+        frame: FrameBoxes,
+        t_s: float,
+    ) -> None:
         self._scale.learn(frame.raw[[j for i, j in pairs if self._tracks[i].hits > 2]])
-        if frame.looks is not None:
-            alone = crowding(frame.boxes) <= self.settings.appearance.clear
-            clear = [(i, j) for i, j in pairs if alone[j]]
-            tracks = [self._tracks[i] for i, _ in clear]
-            self._looks.remember(tracks, frame.looks[[j for _, j in clear]])
+        least = self.settings.appearance.contact
+        met = pairs_in_doubt(sure, pairs, least) + [merge.tracks for merge in merges]
+        self._identity.learn(
+            [(self._tracks[i], j) for i, j in pairs],
+            [(self._tracks[i], self._tracks[k]) for i, k in met],
+            {id(track) for track in self._tracks + self._recall.lost},
+            frame,
+            (t_s, self._elapsed_s),
+        )
 
-    def _predict(self, t_s: float) -> tuple[FloatArray, FloatArray]:
+    def _predict(self, t_s: float, camera: CameraStep | None) -> tuple[FloatArray, FloatArray]:
         elapsed_s = 0.0 if self._last_s is None else max(t_s - self._last_s, 0.0)
         self._last_s, self._elapsed_s = t_s, elapsed_s
-        everyone = self._tracks + self._lost
-        if not everyone:
-            self._hidden = np.zeros(0)
+        everyone = self._tracks + self._recall.lost
+        if everyone:
+            mean, covariance = kalman.predict(
+                np.stack([track.mean for track in everyone]),
+                np.stack([track.covariance for track in everyone]),
+                elapsed_s,
+                self.settings.motion,
+            )
+            for k, track in enumerate(everyone):
+                track.mean, track.covariance = mean[k], covariance[k]
+        if camera is not None:
+            self._carried = True
+            carry(everyone, camera)
+        if not self._tracks:
+            self._covered, self._hidden = np.zeros((0, 0)), np.zeros(0)
             return np.zeros((0, AXES, 2)), np.zeros((0, AXES, 2, 2))
-        mean, covariance = kalman.predict(
-            np.stack([track.mean for track in everyone]),
-            np.stack([track.covariance for track in everyone]),
-            elapsed_s,
-            self.settings.motion,
-        )
-        for k, track in enumerate(everyone):
-            track.mean, track.covariance = mean[k], covariance[k]
-        near = len(self._tracks)
-        self._hidden = covered_share(measurements_to_boxes(mean[:near, :, 0]))
-        return mean[:near], covariance[:near]
+        mean = np.stack([track.mean for track in self._tracks])
+        covariance = np.stack([track.covariance for track in self._tracks])
+        self._covered = covered_by(measurements_to_boxes(mean[:, :, 0]))
+        self._hidden = self._covered.max(axis=1)
+        return mean, covariance
 
     def _associate(
         self,
@@ -136,8 +162,7 @@ class BoxTracker:
         rates = exist * (1 - s.association.hiding * self._hidden)
         log_odds = pair_log_odds(mean, covariance, rates, seen, s.association, s.motion)
         if looks is not None:
-            weight = 1 - s.appearance.crowd * crowding(boxes)
-            log_odds += self._looks.compare(self._tracks, looks) * weight[None]
+            log_odds += self._identity.log_odds(self._tracks, boxes, looks)
         members = [
             k
             for k, track in enumerate(self._tracks)
@@ -158,13 +183,13 @@ class BoxTracker:
         self,
         pairs: list[tuple[int, int]],
         seen: FloatArray,
-        scores: FloatArray,
+        frame: FrameBoxes,
         sure: FloatArray,
         t_s: float,
     ) -> None:
         if not pairs:
             return
-        tracks = [self._tracks[i] for i, _ in pairs]
+        tracks, pictures = [self._tracks[i] for i, _ in pairs], frame.looks is not None
         boxes = [j for _, j in pairs]
         mean = np.stack([track.mean for track in tracks])
         recent_s = t_s - 1.5 * self._elapsed_s
@@ -179,16 +204,17 @@ class BoxTracker:
         known = np.array([t.box() for t in tracks if t.confirmed]).reshape(-1, 4)
         for k, (i, j) in enumerate(pairs):
             track = tracks[k]
-            rivals = float(sure[:, j].sum() - sure[i, j])
+            others = np.delete(sure[:, j], i)
             unseen_s = max(t_s - self._elapsed_s - track.seen_s, 0.0)
-            doubt = math.exp(-unseen_s / self.settings.life.doubt_s)
-            track.confidence *= max(1 - rivals, 0.0) * doubt
-            if track.confirmed and track.confidence < self.settings.life.give_up:
+            doubt = 1.0 if pictures else math.exp(-unseen_s / self.settings.life.doubt_s)
+            track.doubt(float(others.sum()), float(others.max(initial=0.0)), doubt)
+            given_up = track.confidence < self.settings.life.give_up
+            if track.confirmed and given_up and not self._identity.open(track):
                 track.track_id, track.confidence = self._new_id(), 1.0
             shared = 0.0
             if not track.confirmed and len(known):
                 shared = float(iou(track.box()[None], known).max())
-            track.believe(float(scores[j]), shared, t_s, self.settings.life)
+            track.believe(float(frame.scores[j]), shared, t_s, self.settings.life)
 
     def _correct_merged(self, merges: list[Merge], boxes: FloatArray, t_s: float) -> None:
         s = self.settings
@@ -209,13 +235,20 @@ class BoxTracker:
                 track.mean, track.covariance = mean[k], covariance[k]
                 track.see(t_s)
 
-    def _miss(self, seen: set[int]) -> None:
+    def _miss(self, alone: set[int], merged: set[int]) -> None:
         rate = self.settings.association.detection_rate
         for index, track in enumerate(self._tracks):
-            if index in seen or track.confirmed:
+            track.in_front = ()
+            if index in alone:
                 continue
-            visible = rate * (1 - self._hidden[index])
-            track.existence *= (1 - visible) / (1 - track.existence * visible)
+            hiding = np.flatnonzero(self._covered[index] > self.settings.association.hidden)
+            track.in_front = tuple(self._tracks[k] for k in hiding.tolist())
+            if index in merged:
+                continue
+            track.missed_frames += 1
+            if not track.confirmed:
+                visible = rate * (1 - self._hidden[index])
+                track.existence *= (1 - visible) / (1 - track.existence * visible)
 
     def _births(self, frame: FrameBoxes, free: list[int], t_s: float) -> None:
         life, boxes, scores = self.settings.life, frame.boxes, frame.scores
@@ -237,38 +270,27 @@ class BoxTracker:
             unseen_s = t_s - track.seen_s - _EPSILON_S
             if unseen_s <= (recent_s if track.confirmed else life.tentative_s):
                 stay.append(track)
-            elif track.confirmed and not self._leaving(track):
-                self._lost.append(track)
+            elif track.confirmed:
+                self._recall.lose(track, pictures)
         self._tracks = stay
-        remembered = [t for t in self._lost if t_s - t.seen_s <= life.memory_s]
-        self._lost = remembered[-life.memory_size :]
-
-    def _leaving(self, track: Track) -> bool:
-        if self._image_size is None:
-            return False
-        box = track.box()
-        inside = np.concatenate([box[:2], np.array(self._image_size) - box[2:]])
-        return bool((inside < self.settings.life.edge * (box[2] - box[0])).any())
+        self._recall.forget(t_s, pictures)
 
     def _confirm(self, t_s: float, pictures: bool) -> None:
-        s = self.settings
-        if self._camera.stands():
+        life, stands = self.settings.life, self._camera.stands()
+        if stands and not self._carried:
             for track in self._tracks:
-                track.walked = track.walked or track.walked_by() > s.life.walk
-        ready = [t for t in self._tracks if t.ready(s.life) and t.seen_s == t_s]
-        looks: FloatArray | float = 0.0
-        if pictures and ready and self._lost and all(t.look is not None for t in ready):
-            looks = self._looks.compare(self._lost, np.array([t.look for t in ready]))
-        lost = self._lost if self._camera.stands() else []
-        for newcomer, old, probability in claims(ready, lost, looks, t_s, s.memory, s.motion):
-            newcomer.track_id = old.track_id
-            newcomer.confidence = old.confidence * probability
-            self._lost = [track for track in self._lost if track is not old]
-        for track in ready:
-            track.confirmed = True
-            if track.track_id == 0:
-                track.track_id = self._new_id()
+                track.walked = track.walked or track.walked_by() > life.walk
+        found = self._recall.recognised(self._tracks, t_s, stands, pictures)
+        for newcomer, old, probability in found:
+            newcomer.become(old, probability)
+        known = {id(old) for _, old, _ in found}
+        self._tracks = [track for track in self._tracks if id(track) not in known]
+        self._recall.lost = [track for track in self._recall.lost if id(track) not in known]
+        for track in self._tracks:
+            if track.seen_s == t_s and track.ready(life):
+                track.confirmed = True
+                track.track_id = track.track_id or self._new_id()
 
     def _new_id(self) -> int:
-        self._next_id += 1
-        return self._next_id - 1
+        self.next_id += 1
+        return self.next_id - 1

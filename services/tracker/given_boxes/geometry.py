@@ -69,16 +69,14 @@ def iou(first: FloatArray, second: FloatArray) -> FloatArray:
     return np.asarray(shared / np.maximum(union, 1e-9))
 
 
-def covered_share(boxes: FloatArray) -> FloatArray:
-    """Share in [0, 1] of each of (N, 4) boxes hidden by the nearer box that hides most of it.
+def covered_by(boxes: FloatArray) -> FloatArray:
+    """Share (N, N) in [0, 1] of each of (N, 4) boxes that each other box hides if it is nearer.
 
     Nearer means a lower foot line (larger bottom y), as on a common ground plane.
     """
-    if len(boxes) < 2:
-        return np.zeros(len(boxes))
     shared = intersection_area(boxes, boxes) / np.maximum(box_area(boxes), 1e-9)[:, None]
     nearer = boxes[None, :, 3] > boxes[:, None, 3]
-    return np.asarray(np.where(nearer, shared, 0.0).max(axis=1))
+    return np.asarray(np.where(nearer, shared, 0.0))
 
 
 def crowding(boxes: FloatArray) -> FloatArray:

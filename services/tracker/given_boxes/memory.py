@@ -1,13 +1,15 @@
 """Long memory: is a newcomer somebody who was lost?
 
 A lost person is not offered to single boxes, which jump, but to newcomers that have been seen
-long enough to have a speed. Two accounts of the gap compete: the person walked on as the filter
-predicts, or stayed where last seen. Against both stands the account that the newcomer is new.
+long enough to have a speed. Accounts of the gap compete: the person walked on as the filter
+predicts, stayed where last seen, or, where looks can tell, is back anywhere. Against all stands the
+account that the newcomer is new.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,54 +19,78 @@ from services.tracker.given_boxes.settings import MemorySettings, MotionSettings
 from services.tracker.given_boxes.track import Track
 
 
+@dataclass(frozen=True)
+class Circumstances:
+    """What a return is judged by, beside the two people.
+
+    Attributes:
+        t_s: now.
+        places: whether places in the picture are places in the world.
+        area_px2: of the picture if looks tell people apart, so that they may be back anywhere.
+    """
+
+    t_s: float
+    places: bool
+    area_px2: float | None
+
+
 def return_log_odds(
-    newcomer: Track, lost: Track, t_s: float, settings: MemorySettings, motion: MotionSettings
+    newcomer: Track,
+    lost: Track,
+    around: Circumstances,
+    settings: MemorySettings,
+    motion: MotionSettings,
 ) -> float:
     """Log odds that `newcomer` is `lost` come back rather than somebody new."""
     if newcomer.born_s < lost.seen_s:
         return -math.inf
-    gap_s = t_s - lost.seen_s
-    rate = settings.return_rate * math.exp(-gap_s / settings.return_time_s)
+    rate = settings.return_rate * math.exp(-(around.t_s - lost.seen_s) / settings.return_time_s)
     height = math.exp(lost.anchor[2])
-    stay = math.exp(-0.5 * (lost.anchor_speed / settings.settle_speed) ** 2)
-    stayed = _log_stayed(newcomer, lost, height, settings, motion)
-    walked = _log_walked(newcomer, lost, height)
-    both = np.logaddexp(
-        math.log(max(stay, 1e-12)) + stayed, math.log(max(1 - stay, 1e-12)) + walked
-    )
-    return float(
-        both - _log_new(newcomer, height, settings, motion) + math.log(rate) - math.log1p(-rate)
-    )
+    by_place = -math.inf
+    if around.places and not lost.left:
+        stay = math.exp(-0.5 * (lost.anchor_speed / settings.settle_speed) ** 2)
+        both = np.logaddexp(
+            math.log(max(stay, 1e-12)) + _log_stayed(newcomer, lost, height, settings, motion),
+            math.log(max(1 - stay, 1e-12)) + _log_walked(newcomer, lost, height),
+        )
+        by_place = float(both) - _log_new(newcomer, height, settings, motion)
+    by_place += math.log(rate) - math.log1p(-rate)
+    if around.area_px2 is None:
+        return by_place
+    share = settings.elsewhere if by_place > -math.inf else 1.0
+    newcomers = settings.newcomer_density * max(around.area_px2 / height**2, 1.0)
+    anywhere = math.log(share * settings.return_rate / newcomers)
+    return float(np.logaddexp(by_place + math.log1p(-min(share, 1 - 1e-9)), anywhere))
 
 
 def claims(
     newcomers: list[Track],
     lost: list[Track],
     looks: FloatArray | float,
-    t_s: float,
+    around: Circumstances,
     settings: MemorySettings,
     motion: MotionSettings,
 ) -> list[tuple[Track, Track, float]]:
     """Newcomers who are lost people: (newcomer, lost, probability), only where it is sure enough.
 
     Args:
-        newcomers: tracks about to be confirmed. lost: people out of sight.
+        newcomers: tracks about to be confirmed, or confirmed lately. lost: people out of sight.
         looks: (len(lost), len(newcomers)) log odds of looking the same, or 0.
-        t_s: now.
+        around: time, camera and picture.
         settings: priors and the least probability.
         motion: how newcomers move.
     """
     if not newcomers or not lost:
         return []
     odds = np.array(
-        [[return_log_odds(new, old, t_s, settings, motion) for new in newcomers] for old in lost]
+        [[return_log_odds(new, old, around, settings, motion) for new in newcomers] for old in lost]
     )
     odds = np.maximum(odds + looks, -1e6)
     sure = marginals(odds)
     return [
         (newcomers[j], lost[i], float(sure[i, j]))
         for i, j in assign(odds)
-        if sure[i, j] >= settings.trust
+        if sure[i, j] >= (settings.later_trust if newcomers[j].confirmed else settings.trust)
     ]
 
 
@@ -109,7 +135,9 @@ def _log_stayed(
     total = 0.0
     for axis, spread in ((0, settings.settle_spread), (1, settings.settle_spread / 2)):
         residual = float(newcomer.mean[axis, 0] - lost.anchor[axis]) / height
-        total += _gauss(residual, spread**2 + newcomer.covariance[axis, 0, 0] / height**2)
+        carried = (lost.anchor_spread_px / height) ** 2
+        variance = spread**2 + carried + newcomer.covariance[axis, 0, 0] / height**2
+        total += _gauss(residual, variance)
         speed = float(newcomer.mean[axis, 1]) / height
         variance = settings.settle_speed**2 + newcomer.covariance[axis, 1, 1] / height**2
         total += _gauss(speed, variance)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.given_boxes.appearance import describe
+from services.tracker.given_boxes.appearance import cut_out, describe
 from services.tracker.given_boxes.box_tracker import BoxTracker
 from services.tracker.given_boxes.geometry import FloatArray
 from services.tracker.given_boxes.settings import BoxTrackerSettings
@@ -61,6 +61,6 @@ def track_sequence(
     for frame in range(1, last + 1):
         rows = order[limits[frame - 1] : limits[frame]]
         boxes = given.boxes[rows]
-        looks = None if picture is None else describe(picture(frame), boxes)
+        looks = None if picture is None else describe(cut_out(picture(frame), boxes))
         tracks = tracker.update(boxes, given.scores[rows], (frame - 1) / given.fps, looks)
         yield frame, [track for track in tracks if track.shown]

@@ -67,6 +67,9 @@ class AssociationSettings(StrictSettings):
     hiding: float = Field(
         0.55, ge=0, lt=1, description="Loss of detection rate of a person fully covered by another"
     )
+    hidden: float = Field(
+        0.5, ge=0, le=1, description="Covered share from which a missing person counts as hidden"
+    )
     detection_rate: float = Field(
         0.75, gt=0, lt=1, description="Chance that a visible person gets a box"
     )
@@ -90,8 +93,14 @@ class MemorySettings(StrictSettings):
     settle_spread: float = Field(
         0.2, gt=0, le=10, description="Wandering of a person who stays, sigma [heights]"
     )
+    elsewhere: float = Field(
+        0.3, gt=0, lt=1, description="Share of returns, told by looks, that are at any place"
+    )
     trust: float = Field(
         0.65, ge=0, le=1, description="Least probability of a return that gives the old id back"
+    )
+    later_trust: float = Field(
+        0.95, ge=0, le=1, description="The same for somebody who has been given an id already"
     )
 
 
@@ -137,14 +146,31 @@ class AppearanceSettings(StrictSettings):
     """How much the look of a box counts, where pictures are given."""
 
     weight: float = Field(0.7, ge=0, le=10, description="Share of the log odds that is believed")
-    most: float = Field(6.0, ge=0, le=100, description="Most log odds a look can give or take")
+    most: float = Field(6.0, ge=0, le=100, description="Most log odds a look can give")
+    most_against: float = Field(12.0, ge=0, le=100, description="Most log odds a look can take")
     least_spread: float = Field(0.05, gt=0, le=1, description="Least spread of distances of looks")
     crowd: float = Field(
         0.5, ge=0, le=1, description="Share of its weight a look loses if wholly overlapped"
     )
     memory: float = Field(0.03, gt=0, le=1, description="Share of a new look in a person's gallery")
+    most_views: int = Field(5, ge=1, le=50, description="Most views in a person's gallery")
+    new_view: float = Field(
+        0.4, gt=0, le=1, description="Distance to all views of a look that becomes a view"
+    )
     recent_s: float = Field(
-        1.0, ge=0, le=60, description="As life.recent_s, where looks guard against a wrong box [s]"
+        2.0, ge=0, le=60, description="As life.recent_s, where looks guard against a wrong box [s]"
+    )
+    decide: float = Field(
+        3.0, gt=0, le=20, description="Log odds that decide who is who after two people met"
+    )
+    settle_s: float = Field(
+        2.0, ge=0, le=60, description="Time in clear view after which who is who stays open [s]"
+    )
+    contact: float = Field(
+        0.02, gt=0, le=1, description="Probability of being the other from which two are in contact"
+    )
+    memory_s: float = Field(
+        120.0, ge=0, le=3600, description="As life.memory_s, where looks tell who is back [s]"
     )
     clear: float = Field(
         0.25, ge=0, le=1, description="Overlap with other boxes up to which a look is learned"

@@ -9,6 +9,7 @@ from enum import Enum
 import numpy as np
 
 from services.tracker.given_boxes.geometry import AXES, FloatArray
+from services.tracker.given_boxes.looks import Gallery
 from services.tracker.given_boxes.settings import LifeSettings
 
 _EPSILON_S = 1e-6
@@ -30,23 +31,31 @@ class TrackOutput:
     """What a user is told about one person in one frame.
 
     Attributes:
-        track_id: unique for the life of the tracker, never reused, from 1.
+        track_id: unique for the life of the tracker, never reused, from 1; 0 until confirmed.
         state: see `TrackState`.
         box: (4,) xyxy pixels, filtered.
+        velocity_pxps: (2,) of the box's centre, pixels per second.
         identity_confidence: probability in [0, 1] that this is still the person who got the id.
+        runner_up_confidence: the same for the best other known person.
+        missed_frames: frames since the person was last seen.
+        occluded_by: ids of those who hide the person, without order.
         shown: whether a user should be shown the box.
     """
 
     track_id: int
     state: TrackState
     box: FloatArray
+    velocity_pxps: FloatArray
     identity_confidence: float
+    runner_up_confidence: float
+    missed_frames: int
+    occluded_by: tuple[int, ...]
     shown: bool
 
 
-@dataclass
+@dataclass(eq=False)
 class Track:
-    """Mutable record of one person; `BoxTracker` alone changes it."""
+    """Mutable record of one person; the box tracker and its parts alone change it."""
 
     mean: FloatArray  # (4, 2), see kalman
     covariance: FloatArray  # (4, 2, 2)
@@ -58,13 +67,17 @@ class Track:
     existence: float = 0.5
     hits: int = 1
     confirmed: bool = False
-    confidence: float = 1.0
+    confidence: float = 1.0  # that this is who got the id
+    runner_up: float = 0.0  # that this is the best other known person
     walked: bool = False  # has moved as only people do
-    look: FloatArray | None = None  # (D,) mean look of unit length, see appearance
-    looks: int = 0
+    gallery: Gallery = field(default_factory=Gallery)
     birthplace: FloatArray = field(default_factory=lambda: np.zeros(2))  # px
     anchor: FloatArray = field(default_factory=lambda: np.zeros(AXES))  # where last seen
     anchor_speed: float = 0.0  # heights per second at that moment
+    anchor_spread_px: float = 0.0  # what carrying it along with a moving camera adds
+    missed_frames: int = 0
+    in_front: tuple[Track, ...] = ()  # who hides the person, nearest to the camera first
+    left: bool = False  # gone over the edge of the picture
 
     @classmethod
     def born(cls, mean: FloatArray, covariance: FloatArray, score: float, t_s: float) -> Track:
@@ -74,6 +87,14 @@ class Track:
         track.birthplace = track.anchor[:2]
         return track
 
+    def become(self, old: Track, probability: float) -> None:
+        """Be somebody known, as sure as `probability` in [0, 1] that this is who it is."""
+        self.track_id = old.track_id
+        self.confidence = old.confidence * probability
+        self.runner_up = min(old.runner_up, 1 - self.confidence)
+        if old.gallery.looks > self.gallery.looks:
+            self.gallery = old.gallery
+
     def walked_by(self) -> float:
         """Distance from where the track was born, in heights."""
         x, y, log_height, _ = self.anchor.tolist()
@@ -81,7 +102,8 @@ class Track:
 
     def see(self, t_s: float) -> None:
         """Note when and where the person was seen, after the filter was corrected."""
-        self.seen_s = t_s
+        self.seen_s, self.missed_frames = t_s, 0
+        self.anchor_spread_px = 0.0
         self.anchor = self.mean[:, 0].copy()
         speed_x, speed_y = self.mean[:2, 1].tolist()
         self.anchor_speed = math.hypot(speed_x, speed_y) / math.exp(self.mean[2, 0])
@@ -105,6 +127,16 @@ class Track:
         self.alone_s = t_s
         self.see(t_s)
 
+    def doubt(self, rivals: float, best: float, memory: float) -> None:
+        """Be less sure who this is, after a box that may be somebody else's.
+
+        Args:
+            rivals: probability in [0, 1] that the box is any other track's. best: the likeliest's.
+            memory: factor in [0, 1] for the time out of sight.
+        """
+        self.runner_up = min(self.runner_up + self.confidence * best, 1.0)
+        self.confidence *= max(1 - rivals, 0.0) * memory
+
     def ready(self, life: LifeSettings) -> bool:
         """Whether a newcomer is sure enough to be shown."""
         return bool(
@@ -122,18 +154,32 @@ class Track:
         half_width = half_height * math.exp(log_aspect)
         return np.array([x - half_width, y - half_height, x + half_width, y + half_height])
 
-    def output(self, t_s: float, life: LifeSettings) -> TrackOutput:
-        """What a user is told at `t_s`."""
+    def output(self, t_s: float, life: LifeSettings, pictures: bool) -> TrackOutput:
+        """What a user is told at `t_s`; `pictures`: whether looks are known."""
         unseen_s = t_s - self.seen_s
-        state = TrackState.TRACKED if unseen_s == 0 else TrackState.LOST
-        if unseen_s == 0 and self.alone_s < t_s:
-            state = TrackState.OCCLUDED
-        if not self.confirmed:
-            state = TrackState.NEW
         least = life.walker_score if self.walked else life.hidden_score
         shown = self.confirmed and unseen_s <= life.coast_s + _EPSILON_S
-        # Fitted by least squares on 8 sequences; left-out sequences keep to it (see
-        # docs/association.md). Marginals of neighbouring frames repeat one doubt, hence the root.
-        confidence = _LEAST_CONFIDENCE + _CONFIDENCE_RANGE * math.sqrt(self.confidence)
-        shown = shown and self.mean_score >= least
-        return TrackOutput(self.track_id, state, self.box(), confidence, shown)
+        confidence = self.confidence
+        if not pictures:
+            # Fitted by least squares on 8 sequences; left-out sequences keep to it (see
+            # docs/association.md). Marginals of neighbouring frames repeat one doubt, hence the
+            # root; where looks are known they settle it.
+            confidence = _LEAST_CONFIDENCE + _CONFIDENCE_RANGE * math.sqrt(self.confidence)
+        return TrackOutput(
+            track_id=self.track_id,
+            state=self._state(t_s),
+            box=self.box(),
+            velocity_pxps=self.mean[:2, 1].copy(),
+            identity_confidence=confidence,
+            runner_up_confidence=min(self.runner_up, 1 - confidence),
+            missed_frames=self.missed_frames,
+            occluded_by=tuple(other.track_id for other in self.in_front if other.track_id),
+            shown=shown and self.mean_score >= least,
+        )
+
+    def _state(self, t_s: float) -> TrackState:
+        if not self.confirmed:
+            return TrackState.NEW
+        if self.alone_s == t_s:
+            return TrackState.TRACKED
+        return TrackState.OCCLUDED if self.in_front or self.seen_s == t_s else TrackState.LOST

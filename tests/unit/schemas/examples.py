@@ -11,6 +11,7 @@ from schemas import (
     Blobs,
     CameraInfo,
     CameraMotion,
+    DriveState,
     EndOfStream,
     EStop,
     Evidence,
@@ -20,8 +21,16 @@ from schemas import (
     Health,
     Message,
     MotionCommand,
+    Odometry,
     Patch,
+    Pose,
     Progress,
+    Ranges,
+    RangeSector,
+    SimObstacle,
+    SimPerson,
+    SimTruth,
+    SimWorld,
     Stamp,
     Target,
     TargetRequest,
@@ -50,6 +59,8 @@ RAW_PIXELS = bytes(range(18))
 
 _TARGET = Target(seq=3, mode="id", track_id=7, tracker="tracker/main@00ff00ff", reason="chosen")
 
+_POSE = Pose(x_m=1.0, y_m=-2.0, heading_rad=0.75)
+
 EXAMPLES: tuple[Message, ...] = (
     Header(
         **FRAME, **SIZE, image_encoding="image/raw;bgr8", producer="capture/main@89abcdef",
@@ -66,8 +77,10 @@ EXAMPLES: tuple[Message, ...] = (
             Blob(
                 box_xyxy=(0.0, 0.5, 2.0, 2.0), area_px=2.5, centroid=(1.0, 1.25),
                 patch=Patch(width=2, height=1, bgr=b"\x01\x02\x03\xfd\xfe\xff"),
+                score=0.875,
             ),
         ),
+        kind="people",
         blobs_left_out=1, evidence=EVIDENCE,
         camera_motion=CameraMotion(affine=(1.0, 0.0, -2.5, 0.0, 1.0, 0.75), quality=0.875),
         detector="mog2", background="learning", background_reason="started", protected_seq=39,
@@ -78,7 +91,8 @@ EXAMPLES: tuple[Message, ...] = (
             Track(
                 id=7, state="tracked", box_xyxy=(0.0, 0.0, 1.5, 2.0), velocity_pxps=(-3.5, 0.25),
                 area_px=3.0, span_px=1.5, identity_confidence=0.75, runner_up_confidence=0.125,
-                occluded_by=(8,), missed_frames=0, shown=True, distance_m=2.5, bearing_rad=0.125,
+                occluded_by=(8,), missed_frames=0, shown=True, distance_m=2.5,
+                distance_sigma_m=0.25, bearing_rad=0.125, bearing_sigma_rad=0.0625,
             ),
             Track(
                 id=8, state="lost", box_xyxy=(1.0, 0.0, 3.0, 2.0), velocity_pxps=(0.0, 0.0),
@@ -96,7 +110,38 @@ EXAMPLES: tuple[Message, ...] = (
     EStop(engaged=True, source="web", t_ns=1_700_000_000_000_000_000),
     FollowState(
         seq=10, state="stopped", reason="emergency stop", estop=True, target=_TARGET,
-        tracks_age_s=0.0625, linear_mps=0.0, angular_radps=0.0,
+        tracks_age_s=0.0625, linear_mps=0.0, angular_radps=0.0, distance_m=2.5, bearing_rad=-0.125,
+        identity_confidence=0.75, obstacle_watch=True, free_distance_m=1.25,
+    ),
+    Odometry(
+        seq=5, x_m=1.5, y_m=-0.25, heading_rad=0.5, linear_mps=0.75, angular_radps=-0.125,
+    ),
+    Ranges(
+        seq=6,
+        sectors=(
+            RangeSector(bearing_rad=-0.5, width_rad=0.25, distance_m=3.5),
+            RangeSector(bearing_rad=0.5, width_rad=0.25, distance_m=0.75),
+        ),
+    ),
+    DriveState(
+        seq=7, state="stopped", reason="no command for 0.5 s", estop=False, driver="simulated",
+        linear_mps=0.0, angular_radps=0.0, command_seq=9, command_age_s=0.5625,
+    ),
+    SimTruth(
+        seq=41, t_s=2.75, robot=_POSE, robot_radius_m=0.25, linear_mps=0.5, angular_radps=-0.25,
+        people=(
+            SimPerson(
+                id=1, role="target", pose=_POSE, speed_mps=1.25, height_m=1.75, radius_m=0.25,
+                box_xyxy=(0.5, 0.0, 1.5, 2.0), visible=0.5,
+            ),
+        ),
+        contact=1,
+    ),
+    SimWorld(
+        scenario="pillar", seed=11, bounds_m=(-5.0, -4.0, 5.0, 4.0),
+        obstacles=(
+            SimObstacle(pose=_POSE, length_m=0.5, width_m=0.25, height_m=2.5, kind="pillar"),
+        ),
     ),
     Health(
         service="detector", instance="main", producer=PRODUCER, state="degraded",

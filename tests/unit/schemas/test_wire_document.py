@@ -28,6 +28,11 @@ _TOPICS: dict[str, TopicQos] = {
     keys.FOLLOW_STATE: qos.STATE,
     keys.FOLLOW_TARGET: qos.TARGET,
     keys.FOLLOW_ESTOP: qos.ESTOP,
+    keys.ROBOT_ODOMETRY: qos.ODOMETRY,
+    keys.ROBOT_RANGE: qos.RANGES,
+    keys.ROBOT_DRIVE: qos.DRIVE,
+    keys.SIM_TRUTH: qos.SIM_TRUTH,
+    keys.SIM_WORLD: qos.SIM_WORLD,
     "svc/<service>/<instance>/health": qos.HEALTH,
 }
 

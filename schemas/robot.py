@@ -1,0 +1,67 @@
+"""What the robot's own end says: where it is, what is around it, what its wheels are told."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import FailFast, Field
+
+from schemas.base import Count, Flag, Message, Name, NonNegative, Part, Real
+
+MAX_SECTORS = 720
+Heading = Annotated[float, Field(strict=True, ge=-math.pi, le=math.pi)]
+"""Radians, left is positive, 0 is straight ahead (of the robot) or along x (of the world)."""
+
+
+class Odometry(Message):
+    """Where the robot believes it is since its start. x ahead and y left at the start."""
+
+    schema_name: ClassVar[str] = "odometry"
+    max_bytes: ClassVar[int] = 1024
+
+    seq: Count
+    x_m: Real
+    y_m: Real
+    heading_rad: Heading
+    linear_mps: Real = Field(description="forward is positive")
+    angular_radps: Real = Field(description="left is positive")
+
+
+class RangeSector(Part):
+    """The nearest thing within one sector around the robot."""
+
+    bearing_rad: Heading = Field(description="centre of the sector")
+    width_rad: Annotated[float, Field(strict=True, gt=0, le=2 * math.pi)]
+    distance_m: Annotated[float, Field(strict=True, ge=0, le=1000)] = Field(
+        description="from the robot's centre; the sensor's greatest range where nothing is seen"
+    )
+
+
+class Ranges(Message):
+    """Free distances from sonar, lidar or depth. Sectors may overlap and leave gaps."""
+
+    schema_name: ClassVar[str] = "ranges"
+    max_bytes: ClassVar[int] = 65536
+
+    seq: Count
+    sectors: Annotated[tuple[RangeSector, ...], Field(max_length=MAX_SECTORS), FailFast()]
+
+
+class DriveState(Message):
+    """What the wheels are told at this moment, and why. Sent at a fixed rate, never latched."""
+
+    schema_name: ClassVar[str] = "drive"
+    max_bytes: ClassVar[int] = 1024
+
+    seq: Count
+    state: Literal["waiting", "driving", "stopped"] = Field(
+        description="waiting: no command yet; stopped: zero velocity for the reason given"
+    )
+    reason: Annotated[str, Field(strict=True, max_length=96)]
+    estop: Flag
+    driver: Name
+    linear_mps: Real = Field(description="forward is positive")
+    angular_radps: Real = Field(description="left is positive")
+    command_seq: Count | None = Field(default=None, description="the command it rests on")
+    command_age_s: NonNegative | None = Field(default=None, description="since its arrival")

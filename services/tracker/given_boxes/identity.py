@@ -1,0 +1,65 @@
+"""Identity by looks: galleries learn from people seen alone, and contacts are decided."""
+
+from __future__ import annotations
+
+from services.tracker.given_boxes.contacts import Contacts
+from services.tracker.given_boxes.frame import FrameBoxes
+from services.tracker.given_boxes.geometry import FloatArray, crowding
+from services.tracker.given_boxes.looks import LookModel
+from services.tracker.given_boxes.settings import AppearanceSettings
+from services.tracker.given_boxes.track import Track
+
+
+class Identity:
+    """Everything that is known of looks."""
+
+    def __init__(self, settings: AppearanceSettings) -> None:
+        """Start with nobody known."""
+        self.model = LookModel(settings)
+        self._contacts = Contacts(settings, self.model)
+        self._settings = settings
+
+    def open(self, track: Track) -> bool:
+        """Whether it is not decided who this is."""
+        return self._contacts.among(track)
+
+    def log_odds(self, tracks: list[Track], boxes: FloatArray, looks: FloatArray) -> FloatArray:
+        """Log odds (N, M) that (M, 4) boxes of (M, D) looks are of the tracks, less in a crowd."""
+        weight = 1 - self._settings.crowd * crowding(boxes)
+        return self.model.compare([track.gallery for track in tracks], looks) * weight[None]
+
+    def learn(
+        self,
+        pairs: list[tuple[Track, int]],
+        met: list[tuple[Track, Track]],
+        known: set[int],
+        frame: FrameBoxes,
+        times_s: tuple[float, float],
+    ) -> None:
+        """Take in one frame.
+
+        Args:
+            pairs: tracks and the indices of their boxes.
+            met: pairs of tracks that can be taken for each other.
+            known: `id()` of every track in sight or remembered.
+            frame: boxes and looks; without looks nothing is learned.
+            times_s: now, and the time since the frame before.
+        """
+        if frame.looks is None:
+            return
+        t_s, elapsed_s = times_s
+        for first, second in met:
+            if first.confirmed and second.confirmed:
+                self._contacts.touch(first, second, t_s)
+        alone = crowding(frame.boxes) <= self._settings.clear
+        clear = [(track, j) for track, j in pairs if alone[j]]
+        tracks, looks = [track for track, _ in clear], frame.looks[[j for _, j in clear]]
+        self._contacts.decide(tracks, looks, known, t_s, elapsed_s)
+        sure = [k for k, track in enumerate(tracks) if not self._contacts.among(track)]
+        self._remember([tracks[k] for k in sure], looks[sure])
+
+    def _remember(self, tracks: list[Track], looks: FloatArray) -> None:
+        known = [k for k, track in enumerate(tracks) if track.gallery.looks and track.confirmed]
+        self.model.learn([tracks[k].gallery for k in known], looks[known])
+        for track, look in zip(tracks, looks, strict=True):
+            track.gallery.add(look, self._settings)

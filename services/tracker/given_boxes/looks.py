@@ -1,0 +1,126 @@
+"""Optional second opinion: does the box look like the person?
+
+How far apart two pictures of one person and of two people lie depends on the scene, so both are
+learned from the scene itself: a track that moves alone shows what the same person looks like from
+frame to frame, two tracks in one frame are two people.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.tracker.given_boxes.appearance import LOOK_LENGTH, distances
+from services.tracker.given_boxes.geometry import FloatArray
+from services.tracker.given_boxes.settings import AppearanceSettings
+
+_PRIOR_SAMPLES = 30.0
+_MOST_SAMPLES = 2000.0
+_LEAST_LOOKS = 3  # fewer are no gallery
+
+
+class Gallery:
+    """Looks of one person: a few views that differ, each a slow mean of looks like it."""
+
+    def __init__(self) -> None:
+        self.views = np.zeros((0, LOOK_LENGTH))
+        self.looks = 0
+        self._counts: list[int] = []
+
+    def copy(self) -> Gallery:
+        """The gallery as it is now, whatever is added later."""
+        other = Gallery()
+        other.views, other.looks, other._counts = self.views, self.looks, list(self._counts)
+        return other
+
+    def newest(self) -> FloatArray:
+        """The view (D,) that was added last; of no colour at all where there is none."""
+        return np.asarray(self.views[-1] if len(self.views) else np.zeros(LOOK_LENGTH))
+
+    def add(self, look: FloatArray, settings: AppearanceSettings) -> None:
+        """Take in a (D,) look of the person seen alone."""
+        self.looks += 1
+        if len(self.views):
+            distance = distances(self.views, look[None])[:, 0]
+            nearest = int(distance.argmin())
+            if distance[nearest] < settings.new_view or len(self.views) >= settings.most_views:
+                blend = max(settings.memory, 1 / (self._counts[nearest] + 1))
+                mixed = self.views[nearest] + blend * (look - self.views[nearest])
+                views = self.views.copy()
+                views[nearest] = mixed / np.linalg.norm(mixed)
+                self.views = views
+                self._counts[nearest] += 1
+                return
+        self.views = np.concatenate([self.views, look[None]])
+        self._counts.append(1)
+
+
+class LookStatistics:
+    """Running mean and variance of distances, started from a prior worth some samples."""
+
+    def __init__(self, mean: float, spread: float) -> None:
+        self.mean = mean
+        self._square = mean**2 + spread**2
+        self._weight = _PRIOR_SAMPLES
+
+    def learn(self, values: FloatArray) -> None:
+        """Take more distances, (N,); the oldest fade once many have been seen."""
+        if len(values) == 0:
+            return
+        self._weight = min(self._weight + len(values), _MOST_SAMPLES)
+        self.mean += float((values - self.mean).sum()) / self._weight
+        self._square += float((values**2 - self._square).sum()) / self._weight
+
+    def log_density(self, value: FloatArray, floor: float) -> FloatArray:
+        """Log of the normal density at `value`, the spread not below `floor`."""
+        variance = max(self._square - self.mean**2, floor**2)
+        return np.asarray(-0.5 * ((value - self.mean) ** 2 / variance + np.log(variance)))
+
+
+class LookModel:
+    """Turns distances of looks into log odds of being the same person."""
+
+    def __init__(self, settings: AppearanceSettings) -> None:
+        """Start from what is usual."""
+        self.settings = settings
+        self._same = LookStatistics(0.25, 0.08)
+        self._other = LookStatistics(0.5, 0.12)
+
+    def compare(self, galleries: Sequence[Gallery], looks: FloatArray) -> FloatArray:
+        """Log odds (N, M) that (M, D) looks are of the galleries' people; 0 for young galleries."""
+        known = np.array([gallery.looks >= _LEAST_LOOKS for gallery in galleries], bool)
+        odds = self.log_odds(nearest_views(galleries, looks))
+        return np.asarray(np.where(known[:, None], odds, 0.0))
+
+    def learn(self, galleries: Sequence[Gallery], looks: FloatArray) -> None:
+        """Learn from (N, D) looks of people seen alone in one frame, and their galleries."""
+        distance = nearest_views(galleries, looks)
+        same = np.eye(len(looks), dtype=bool)
+        self._same.learn(distance[same])
+        self._other.learn(distance[~same])
+
+    def log_odds(self, distance: FloatArray) -> FloatArray:
+        """Log odds, same shape as `distance`, limited to what colour can be trusted with."""
+        floor = self.settings.least_spread
+        odds = self._same.log_density(distance, floor) - self._other.log_density(distance, floor)
+        # Both normal densities are monotone only between their means.
+        odds = np.where(distance < self._same.mean, np.maximum(odds, 0.0), odds)
+        odds = np.where(distance > self._other.mean, np.minimum(odds, 0.0), odds)
+        s = self.settings
+        return np.asarray(np.clip(s.weight * odds, -s.most_against, s.most))
+
+
+def nearest_views(galleries: Sequence[Gallery], looks: FloatArray) -> FloatArray:
+    """Distance (N, M) of (M, D) looks to the nearest view of each gallery; 1 where it is empty."""
+    found = np.ones((len(galleries), len(looks)))
+    filled: NDArray[np.intp] = np.array(
+        [k for k, gallery in enumerate(galleries) if len(gallery.views)], np.intp
+    )
+    if len(filled) and len(looks):
+        views = [galleries[k].views for k in filled]
+        starts = np.cumsum([0, *(len(some) for some in views[:-1])])
+        distance = distances(np.concatenate(views), looks)
+        found[filled] = np.minimum.reduceat(distance, starts, axis=0)
+    return found

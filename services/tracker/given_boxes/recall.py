@@ -1,0 +1,85 @@
+"""People out of sight: who is remembered, for how long, and who is back."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from services.tracker.given_boxes.geometry import FloatArray
+from services.tracker.given_boxes.looks import LookModel
+from services.tracker.given_boxes.memory import Circumstances, claims
+from services.tracker.given_boxes.settings import BoxTrackerSettings
+from services.tracker.given_boxes.track import Track
+
+_LOOK_AGAIN_HITS = (8, 24)
+"""A newcomer who was not recognised at once is looked at again when there is more to look at."""
+
+
+class Recall:
+    """Keeps lost people and gives newcomers their old ids back."""
+
+    def __init__(
+        self, settings: BoxTrackerSettings, looks: LookModel, image_size: tuple[int, int] | None
+    ) -> None:
+        """Start with nobody lost; without `image_size` nobody is known to have left."""
+        self.lost: list[Track] = []
+        self._settings = settings
+        self._looks = looks
+        self._image_size = image_size
+
+    def lose(self, track: Track, pictures: bool) -> None:
+        """Remember somebody who is not in sight any more.
+
+        Who went over the edge comes back in any place, where places say nothing: is forgotten
+        unless looks can tell.
+        """
+        track.left = self._at_edge(track)
+        if pictures or not track.left:
+            self.lost.append(track)
+
+    def forget(self, t_s: float, pictures: bool) -> None:
+        """Drop who has been gone for too long, or are too many: the longest gone first."""
+        s = self._settings
+        memory_s = s.appearance.memory_s if pictures else s.life.memory_s
+        remembered = [track for track in self.lost if t_s - track.seen_s <= memory_s]
+        self.lost = remembered[-s.life.memory_size :]
+
+    def recognised(
+        self, tracks: list[Track], t_s: float, places: bool, pictures: bool
+    ) -> list[tuple[Track, Track, float]]:
+        """Newcomers in this frame who are somebody known, with the probability.
+
+        Args:
+            tracks: everybody near. places: whether the picture's places are those of the world.
+            t_s: now. pictures: whether looks are known.
+
+        Returns:
+            (newcomer, whom they are, probability); both may be among `tracks`.
+        """
+        newcomers = [t for t in tracks if t.seen_s == t_s and self._asks(t, pictures)]
+        missing = list(self.lost) if places or pictures else []
+        if pictures:
+            missing += [t for t in tracks if t.confirmed and t.seen_s < t_s]
+        if not newcomers or not missing:
+            return []
+        looks: FloatArray | float = 0.0
+        if pictures:
+            newest = np.array([track.gallery.newest() for track in newcomers])
+            looks = self._looks.compare([track.gallery for track in missing], newest)
+        around = Circumstances(t_s, places, self._area_px2() if pictures else None)
+        s = self._settings
+        return claims(newcomers, missing, looks, around, s.memory, s.motion)
+
+    def _asks(self, track: Track, pictures: bool) -> bool:
+        if not track.confirmed:
+            return track.ready(self._settings.life)
+        return pictures and track.hits in _LOOK_AGAIN_HITS
+
+    def _area_px2(self) -> float | None:
+        return None if self._image_size is None else float(np.prod(self._image_size))
+
+    def _at_edge(self, track: Track) -> bool:
+        if self._image_size is None:
+            return False
+        box = track.box()
+        inside = np.concatenate([box[:2], np.array(self._image_size) - box[2:]])
+        return bool((inside < self._settings.life.edge * (box[2] - box[0])).any())
