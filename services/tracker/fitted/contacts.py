@@ -50,7 +50,8 @@ def group_of(person: Person, by_id: Mapping[int, Person]) -> list[int]:
 
 def prior_nats(person: Person, key: int) -> float:
     """Negative log-probability that the person is who has, or had, this id."""
+    # An exchange is two people in the wrong place: each bears half of it, and of there being none.
     if key == person.id:
-        return -math.log(person.identity_confidence)
-    # An exchange is two people in the wrong place: each bears half of it.
+        stayed = math.prod(1.0 - odds for odds in person.rivals.values())
+        return -math.log(person.identity_confidence) - 0.5 * math.log(stayed)
     return -0.5 * math.log(person.rivals.get(key, TOUCH**2))

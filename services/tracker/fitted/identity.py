@@ -192,4 +192,4 @@ class Identities:
         return gallery is not None and len(gallery) >= _KNOWN_LOOKS
 
     def _distance(self, gallery: Gallery, person: Person) -> float:
-        return float(np.mean([gallery.distance(look) for look in person.looks]))
+        return float(np.median([gallery.distance(look) for look in person.looks]))
