@@ -201,7 +201,9 @@ def main(
     text = table(scores)
     typer.echo(text)
     if write is not None:
-        write.write_text(replace_between(write.read_text("utf-8"), text), encoding="utf-8")
+        write.write_text(
+            replace_between(write.read_text("utf-8"), text, "features"), encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

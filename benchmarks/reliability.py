@@ -4,7 +4,7 @@ An id belongs to the person it is on most often in the first frames that it is o
 on it is right while it is on that person. Leave-one-out: beside what was right of the boxes of a
 recording that said 0.9 or more stands what the other recordings would have made one expect.
 
-Example run: python -m benchmarks.reliability
+Example run: python -m benchmarks.reliability --write docs/identity.md
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Annotated
 
 import typer
 
+from benchmarks.accuracy import replace_between
 from benchmarks.association_calibration import Claim, claims_of, reliability_table
 from benchmarks.common import Figure, heel_run, name_of, recordings, write_json
 from evaluation.motchallenge import ground_truth_file, read_ground_truth, read_tracks
@@ -55,13 +56,17 @@ def left_out_table(claims: dict[str, list[Claim]]) -> str:
 
 @app.command()
 def main(
+    write: Annotated[Path | None, typer.Option(help="file whose tables are replaced")] = None,
     recording: Annotated[list[str] | None, typer.Option(help="measure these instead")] = None,
     json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
 ) -> None:
     """Print how often ids were right, by the confidence they were given."""
     claims = {name_of(source): claims_on(source) for source in recordings(recording)}
-    typer.echo(reliability_table(claims))
-    typer.echo(left_out_table(claims))
+    text = reliability_table(claims) + "\n" + left_out_table(claims)
+    typer.echo(text)
+    if write is not None:
+        text = replace_between(write.read_text("utf-8"), text, "reliability")
+        write.write_text(text, encoding="utf-8")
     figures = [
         Figure(f"reliability/{name}", right_percent(some), "%", "90", right_percent(some) / 90.0, 1)
         for name, some in claims.items()

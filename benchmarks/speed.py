@@ -3,7 +3,7 @@
 `tracks after` is how long a frame's tracks take in the tracker; `looks after` is what is done once
 they are sent: looks, identities, the scene's scale. Without that step tracks would take both.
 
-Example run: python -m benchmarks.speed
+Example run: python -m benchmarks.speed --write docs/results.md
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import typer
 
+from benchmarks.accuracy import replace_between
 from benchmarks.common import Figure, name_of, recordings, write_json
 from services.detector.settings import DetectorSettings
 from services.pipeline import InProcessPipeline, RecordedFrames
@@ -50,6 +51,7 @@ def measure(recording: str) -> dict[str, list[float]]:
 
 @app.command()
 def main(
+    write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
     recording: Annotated[list[str] | None, typer.Option(help="measure these instead")] = None,
     json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
 ) -> None:
@@ -57,8 +59,8 @@ def main(
     cv2.setNumThreads(1)
     process.keep_freed_memory()
     warm_up()
-    typer.echo("| recording | " + " | ".join(f"{step}, ms" for step in STEPS) + " |")
-    typer.echo("|---|" + "---|" * len(STEPS))
+    lines = ["| recording | " + " | ".join(f"{step}, ms" for step in STEPS) + " |"]
+    lines.append("|---|" + "---|" * len(STEPS))
     figures = []
     for source in recordings(recording):
         cells = [name_of(source)]
@@ -69,7 +71,12 @@ def main(
             figures.append(
                 Figure(name, float(middle), "ms", f"{_BUDGET_MS:g}", float(middle) / _BUDGET_MS, 1)
             )
-        typer.echo("| " + " | ".join(cells) + " |")
+        lines.append("| " + " | ".join(cells) + " |")
+    text = "\n".join(lines) + "\n"
+    typer.echo(text)
+    if write is not None:
+        text = replace_between(write.read_text("utf-8"), text, "speed")
+        write.write_text(text, encoding="utf-8")
     write_json(figures, json)
 
 

@@ -47,6 +47,11 @@ class TrackerSettings(BaseModel):
     )
     forget_s: Seconds = Field(default=3.5, description="a person not seen is forgotten after this")
 
+    identify: bool = Field(
+        default=True,
+        description="decide by looks who is who after people met, give up ids that stood for two "
+        "people, and know people again who were lost",
+    )
     calibration: Path | None = Field(
         default=None,
         description="file of `heel calibrate` or Town Centre's .ci: how the camera is mounted, "

@@ -53,6 +53,8 @@ def confirm_if_due(person: Person, evidence: Image, ratio: float, dt_s: float) -
 
 def is_torn(person: Person, newcomer: Person) -> bool:
     """Whether the newcomer, just confirmed, explains what the person's box explained before."""
+    if person is newcomer:
+        return False
     x, y = person.foot
     beside = abs(newcomer.foot[0] - x) < _BESIDE * person.height
     beside = beside and abs(newcomer.foot[1] - y) < _BESIDE * person.height

@@ -131,7 +131,8 @@ class FittedTracker:
         """
         frame, self._unsettled = self._unsettled, None
         if frame is not None and self._scale is not None:
-            self._identify(frame.blobs, frame.evidence, self._scale.ratio, frame.dt_s)
+            if self._settings.identify:
+                self._identify(frame.blobs, frame.evidence, self._scale.ratio, frame.dt_s)
             self._scale.update(frame.weighted)
 
     def _carry(self, blobs: Blobs, scale: SceneScale) -> None:
@@ -228,7 +229,7 @@ class FittedTracker:
         seen = [person for person in self._people if person.missed_frames == 0]
         for newcomer in [each for each in seen if confirm_if_due(each, evidence, ratio, dt_s)]:
             for person in seen:
-                if person.confirmed and person is not newcomer and is_torn(person, newcomer):
+                if self._settings.identify and person.confirmed and is_torn(person, newcomer):
                     self._identities.give_up(person, self._people)
 
     def _give_birth(self, canvas: Canvas, scale: SceneScale, samples: Sequence[Sample]) -> None:
