@@ -51,6 +51,7 @@ class Tracker:
         evidence = None if blobs.evidence is None else blobs.evidence.array()
         scene = (blobs.stream, blobs.epoch, blobs.width, blobs.height, blobs.kind)
         if scene != self._scene:
+            self.settle()  # it may use up ids
             self._scene = scene
             self._clock = FrameClock()
             self._method = self._started(blobs, self._method.next_id)

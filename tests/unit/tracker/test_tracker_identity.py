@@ -163,3 +163,16 @@ def test_whoever_is_gone_can_be_only_one_of_those_who_met_them() -> None:
     ids = [each.id for each in people[1:]]
     assert 1 in ids
     assert len(set(ids)) == 2
+
+
+def test_settling_at_once_or_later_is_the_same_also_across_scenes() -> None:
+    """Twins who stood behind one another for long lose their ids: that uses ids up."""
+    people = [
+        Walker(BLUE, lambda seq: (60.0 + 3.0 * min(seq, 30), 196.0)),
+        Walker(BLUE, lambda seq: (240.0 - 3.0 * min(seq, 30), 200.0)),
+    ]
+    at_once, later = Tracker(TrackerSettings()), Tracker(TrackerSettings())
+    for seq in range(70):
+        blobs = blobs_of(people, seq % 35, seq=seq, t_capture_ns=seq * 10**8, epoch=1 + seq // 35)
+        assert at_once.update(blobs) == later.update(blobs)
+        at_once.settle()
