@@ -194,8 +194,10 @@ def _serve(
         health.start()
         context = ServiceContext(
             name, settings, session, inbox, statistics, log, producer,
-            loaded.zenoh.shared_memory, stop, announce,
+            loaded.zenoh.shared_memory and process.may_lock_memory(), stop, announce,
         )  # fmt: skip
+        if loaded.zenoh.shared_memory and not context.shared_memory:
+            log.info("no shared memory: this user may lock too little (ulimit -l); using sockets")
         main(context)
         log.info("%s ends: received %d, sent %d, dropped %d, malformed %d", producer,
                  statistics.received, statistics.sent, statistics.dropped,

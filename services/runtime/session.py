@@ -11,6 +11,7 @@ from collections.abc import Callable
 import zenoh
 
 from schemas.errors import HeelError, SettingsError
+from services.runtime.process import may_lock_memory
 from services.runtime.settings import ZenohSettings
 
 QUERY_TIMEOUT_S = 2.0
@@ -62,7 +63,7 @@ def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
         ("scouting/multicast/enabled", False),
         ("queries_default_timeout", int(QUERY_TIMEOUT_S * 1000)),
         ("transport/link/tx/lease", LEASE_MS),
-        ("transport/shared_memory/enabled", settings.shared_memory),
+        ("transport/shared_memory/enabled", settings.shared_memory and may_lock_memory()),
         # Large queries may hang on the shared memory path (zenoh issue 2628).
         ("transport/shared_memory/transport_optimization/messages", ["put"]),
         ("transport/shared_memory/transport_optimization/pool_size", _POOL_BYTES),

@@ -10,23 +10,20 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from services.tracker.fitted.arrays import FloatMap, Floats
 from services.tracker.fitted.coverage import explained_share, reduce, reduction
+from services.tracker.fitted.line import STEEPEST, WIDTH_RATIO, Line, refined
 
-WIDTH_RATIO = 0.37
-"""Width by height of a walking person's box, on average."""
 _TOLERANCE = 0.12
-_FLATTEST, _STEEPEST = 0.05, 2.5
+_FLATTEST = 0.05
 _SAMPLES = 150
 _CANDIDATES = 6
 _HORIZONS = (-0.45, -0.15, 0.1, 0.3, 0.5)
 """Tried when two samples stand too near each other to give a slope; image heights."""
 _APART = 0.1
-_HELD, _HELD_SHARE = 0.5, 0.005
 _ENOUGH = 0.35
 """Share of the evidence that a line has to explain before it is used."""
 _STEEPEST_USED = 0.6
@@ -37,23 +34,6 @@ _SETTLED_PEOPLE, _SETTLED_VOTES = 5, 80
 _FIRST_FRAMES = (2, 3, 4, 5, 7, 9, 12, 16)
 _EVERY, _EVERY_SETTLED = 10, 25
 _REFINED_AT_ONCE = 8
-
-
-@dataclass(frozen=True)
-class Line:
-    """h(y) = slope * y + offset, working pixels."""
-
-    slope: float
-    offset: float
-    ratio: float = WIDTH_RATIO
-
-    def height(self, foot_row: float) -> float:
-        """Expected height at a foot row; never below 4."""
-        return max(self.slope * foot_row + self.offset, 4.0)
-
-    def moved(self, shift: float) -> Line:
-        """The same line after everything has moved down by `shift` working pixels."""
-        return Line(self.slope, self.offset - self.slope * shift, self.ratio)
 
 
 class SceneScale:
@@ -208,15 +188,17 @@ class SceneScale:
         predicted = np.maximum(table[:, :1] * foot + table[:, 1:], 0.03 * self.rows)
         error2 = np.minimum((height / predicted - 1.0) ** 2, _TOLERANCE**2)
         rows = np.percentile(foot, [5, 95]) + np.array([-0.1, 0.1]) * self.rows
-        for count, best in enumerate(np.argsort(error2.sum(axis=1), kind="stable"), 1):
-            inliers = error2[best] < _TOLERANCE**2
-            drawn = Line(float(table[best, 0]), float(table[best, 1]))
-            line = self._refine(drawn, foot[inliers], height[inliers])
-            if all(_differ(line, other, rows) for other in chosen):
-                chosen.append(line)
-            if len(chosen) >= _CANDIDATES:
-                return
-            if count % _REFINED_AT_ONCE == 0:
+        order = np.argsort(error2.sum(axis=1), kind="stable")
+        for start in range(0, len(order), _REFINED_AT_ONCE):
+            best = order[start : start + _REFINED_AT_ONCE]
+            drawn = [Line(float(slope), float(offset)) for slope, offset in table[best]]
+            agreeing = error2[best] < _TOLERANCE**2
+            for line in refined(drawn, foot, height, agreeing, self.rows):
+                if all(_differ(line, other, rows) for other in chosen):
+                    chosen.append(line)
+                if len(chosen) >= _CANDIDATES:
+                    return
+            if len(best) == _REFINED_AT_ONCE:
                 yield
 
     def _drawn(self, foot: Floats, height: Floats) -> list[tuple[float, float]]:
@@ -228,7 +210,7 @@ class SceneScale:
                 slope = height[i] / max(foot[i] - horizon, 1.0)
             else:
                 slope = (height[i] - height[j]) / (foot[i] - foot[j])
-            if _FLATTEST <= slope < _STEEPEST:
+            if _FLATTEST <= slope < STEEPEST:
                 lines.append((slope, height[i] - slope * foot[i]))
         return lines
 
@@ -238,38 +220,7 @@ class SceneScale:
         inliers = np.abs(height / present - 1.0) < 1.5 * _TOLERANCE
         if inliers.sum() < max(6.0, 0.3 * len(foot)):
             return self._line
-        return self._refine(self._anchor, foot[inliers], height[inliers])
-
-    def _refine(self, line: Line, foot: Floats, height: Floats) -> Line:
-        """Least absolute relative deviation, by reweighted least squares.
-
-        Two points of the line given hold it weakly where there are no samples.
-        """
-        if len(foot) < 4:
-            return line
-        row = float(np.median(foot))
-        ends = row + np.array([-0.25, 0.25]) * self.rows
-        held = np.array([max(line.height(end), 0.2 * line.height(row)) for end in ends])
-        foot, height = np.concatenate([foot, ends]), np.concatenate([height, held])
-        base: Floats = np.ones_like(foot)
-        base[-2:] = np.sqrt(_HELD + _HELD_SHARE * len(foot))
-        weight = base
-        slope, offset = 0.0, 0.0
-        for _ in range(6):
-            slope, offset = _least_squares(foot / height, 1.0 / height, weight * weight)
-            deviation = np.abs((slope * foot + offset) / height - 1.0)
-            weight = base / np.sqrt(np.maximum(deviation, 0.01))
-            weight[-2:] = base[-2:] / np.sqrt(0.05)
-        return Line(slope, offset) if 0.0 <= slope < _STEEPEST else line
-
-
-def _least_squares(u: Floats, v: Floats, weight: Floats) -> tuple[float, float]:
-    """a and b that bring a u + b v nearest to 1."""
-    wu, wv = weight * u, weight * v
-    uu, uv, vv = float(wu @ u), float(wu @ v), float(wv @ v)
-    su, sv = float(wu.sum()), float(wv.sum())
-    determinant = max(uu * vv - uv * uv, 1e-30)
-    return (su * vv - sv * uv) / determinant, (sv * uu - su * uv) / determinant
+        return refined([self._anchor], foot, height, inliers[None], self.rows)[0]
 
 
 def _differ(a: Line, b: Line, rows: Floats) -> bool:

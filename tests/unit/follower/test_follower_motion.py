@@ -196,7 +196,7 @@ def test_something_that_appears_too_near_to_brake_for_stops_the_robot_at_once() 
 
 def test_ranges_that_were_there_once_and_end_stop_the_robot_with_the_reason() -> None:
     made = driven(sector(5.0), every_s=10.0)
-    assert (made.state.state, made.state.reason) == ("stopped", "ranges are older than 0.3 s")
+    assert (made.state.state, made.state.reason) == ("stopped", "ranges are older than 0.25 s")
     assert (made.state.linear_mps, made.state.angular_radps) == (0.0, 0.0)
     assert made.state.obstacle_watch is False
 

@@ -82,7 +82,7 @@ def test_ways_from_state_to_state(
     ("change", "expected", "reason"),
     [
         ({"estop": True, "ranges_stale": True, "chosen": False}, "stopped", "emergency stop"),
-        ({"ranges_stale": True, "chosen": False}, "stopped", "ranges are older than 0.3 s"),
+        ({"ranges_stale": True, "chosen": False}, "stopped", "ranges are older than 0.25 s"),
         ({"chosen": False, "chosen_reason": "cleared"}, "idle", "cleared"),
         ({"chosen": False, "chosen_reason": ""}, "idle", "no target"),
         ({"tracks_age_s": None}, "acquiring", "no tracks yet"),
