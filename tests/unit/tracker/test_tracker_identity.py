@@ -173,6 +173,6 @@ def test_settling_at_once_or_later_is_the_same_also_across_scenes() -> None:
     ]
     at_once, later = Tracker(TrackerSettings()), Tracker(TrackerSettings())
     for seq in range(70):
-        blobs = blobs_of(people, seq % 35, seq=seq, t_capture_ns=seq * 10**8, epoch=1 + seq // 35)
+        blobs = blobs_of(people, seq % 35, index=seq, t_capture_ns=seq * 10**8, epoch=1 + seq // 35)
         assert at_once.update(blobs) == later.update(blobs)
         at_once.settle()
