@@ -70,8 +70,9 @@ def follow_everybody(
             raise HeelError(f"{sequence}: nobody to follow is visible for {least_visible_s:g} s")
         size = (source.width, source.height)
         lead_in = round(LEAD_IN_S * source.fps)
+        end = max(one.last for one in chosen)
         episodes: dict[int, Episode] = {}
-        while (picture := source.read()) is not None:
+        while (picture := source.read()) is not None and picture.index < end:
             frame = picture.index + 1
             for one in chosen:
                 if not one.first - lead_in <= frame <= one.last:
