@@ -26,7 +26,7 @@ $(READY): pyproject.toml constraints.txt
 	$(PIP) --no-deps trackeval
 	@touch $@
 
-demo: $(READY)  ## play a drawn scene through all services, with the live page and the scores
+demo: $(READY)  ## a robot follows somebody through a simulated world, with the live page
 	$(BIN)/heel demo
 
 test: $(READY)  ## unit and integration tests

@@ -1,4 +1,4 @@
-"""The tracker on given boxes beside four public trackers: prints the table of docs/association.md.
+"""The tracker on given boxes beside four public trackers: prints the tables of docs/association.md.
 
 Protocol: boxes of det.txt, every frame from the first, online, IoU 0.5, MOT15 ground truth with
 flag-0 rows left out, one setting for all sequences, no pictures. CPU time is the median of runs in
@@ -20,6 +20,7 @@ import typer
 
 from benchmarks.accuracy import replace_between
 from benchmarks.association_calibration import Claim, claims_of, reliability_table
+from benchmarks.association_left_out import left_out_table
 from benchmarks.association_peers import Tracker, frame_count, peers, peers_note
 from benchmarks.common import data_folder, interleaved, median
 from evaluation.alignment import align
@@ -137,7 +138,8 @@ def main(
         if folder.name == TRUE_BOXES:
             found += measure(folder, true_boxes(folder), f"{folder.name} (true boxes)")
         measured += found
-    text = f"{table(measured)}\n{peers_note()}\n{reliability_table(claims)}"
+    parts = (table(measured), peers_note(), reliability_table(claims), left_out_table(sequences()))
+    text = "\n".join(parts)
     typer.echo(text)
     if write is not None:
         write.write_text(replace_between(write.read_text("utf-8"), text), encoding="utf-8")

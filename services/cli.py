@@ -14,6 +14,7 @@ from services.drive.settings import DriveServiceSettings
 from services.follower.settings import FollowerServiceSettings
 from services.runtime.command_line import later, run_process, settings_command
 from services.runtime.router import RouterSettings
+from services.simulator.settings import SimulatorSettings
 from services.tracker.settings import TrackerServiceSettings
 from services.web.settings import WebServiceSettings
 
@@ -23,6 +24,7 @@ _SERVICES = (
     ("tracker", TrackerServiceSettings, "Give people identities and keep them."),
     ("follower", FollowerServiceSettings, "Turn the chosen person into motion commands."),
     ("drive", DriveServiceSettings, "Turn motion commands into wheels; stop when they stop."),
+    ("simulator", SimulatorSettings, "Simulate a world with people and a robot in it."),
     ("web", WebServiceSettings, "Serve the live picture and control page."),
 )
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from schemas import Blobs, CameraInfo, FrameId, MotionCommand, Tracks
 from services.capture.describe import Mounting, mounting
-from services.capture.packing import fit_to_cap
+from services.capture.pixels import fit_to_cap
 from services.capture.scene_source import open_scene
 from services.capture.settings import CaptureSettings
 from services.capture.sources import open_source

@@ -12,14 +12,15 @@ from schemas import CameraInfo, EndOfStream, HeelError, MessageError, Progress, 
 from schemas.image import MAX_IMAGE_BYTES
 from services.capture.credit import CreditWindow
 from services.capture.describe import mounting
-from services.capture.pacing import Pacer
-from services.capture.packing import StreamIdentity, fit_to_cap, pack_frame
 from services.capture.pan_topics import LISTEN_S, PanTopics
+from services.capture.pixels import fit_to_cap
 from services.capture.settings import CaptureSettings
 from services.capture.source import Frame, FrameSource, SourceTimeout
 from services.capture.sources import open_source
 from services.runtime import qos
 from services.runtime.frame_memory import FrameMemory
+from services.runtime.images import ImageCoding, StreamIdentity, pack_image
+from services.runtime.pacing import Pacer
 from services.runtime.publishing import Latched
 from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from services.runtime.settings import Loaded
@@ -45,6 +46,7 @@ class CaptureService:
             epoch=secrets.randbits(63) if epoch is None else epoch,
             producer=context.producer,
         )
+        self._coding = ImageCoding(context.settings.image_encoding, context.settings.jpeg_quality)
         self._pacer = None if self._lossless or source.is_live else Pacer(source.fps)
         self._credit = CreditWindow(
             context.settings.await_consumers, self._identity.epoch, qos.LOSSLESS_WINDOW_FRAMES
@@ -147,9 +149,9 @@ class CaptureService:
         )
         frame = replace(frame, image=fit_to_cap(frame.image))
         self._describe(frame)
-        header, payload = pack_frame(
-            self._identity, frame, self._seq, t_capture_ns, age_ns,
-            self._settings.image_encoding, self._settings.jpeg_quality,
+        header, payload = pack_image(
+            self._identity, frame.image, (self._seq, frame.index),
+            (frame.source_width, frame.source_height), t_capture_ns, age_ns, self._coding,
         )  # fmt: skip
         held = payload if self._memory is None else self._memory.hold(payload)
         self._out.send_bytes(held, header.image_encoding, encode(header))

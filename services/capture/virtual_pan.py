@@ -12,9 +12,9 @@ from urllib.parse import parse_qsl
 from pydantic import ValidationError
 
 from schemas.errors import SourceError
-from services.capture.pacing import Pacer
 from services.capture.pan_window import PanSettings, PanWindow
 from services.capture.source import Frame, FrameSource, SourceTimeout
+from services.runtime.pacing import Pacer
 
 PAN_PREFIX = "pan:"
 

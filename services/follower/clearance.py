@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from schemas import Ranges
 
 _LOOK_AHEAD_S = (0.25, 0.5, 0.75, 1.0)
@@ -25,26 +27,31 @@ class Body:
     margin_m: float
 
 
-def free_distance_m(ranges: Ranges, body: Body, direction_rad: float = 0.0) -> float | None:
-    """How far the robot's front may go straight on in a direction; at least 0.
+class Sectors:
+    """Ranges as arrays: they are asked about several directions fifty times a second."""
 
-    A sector says that something may be anywhere on its arc, so its edge nearest to the path
-    counts. None: no sector looks that way.
-    """
-    free_m = math.inf
-    covered = False
-    for sector in ranges.sectors:
-        off_rad = abs(math.remainder(sector.bearing_rad - direction_rad, 2 * math.pi))
-        nearest_rad = max(0.0, off_rad - sector.width_rad / 2)
-        covered = covered or nearest_rad == 0.0
+    def __init__(self, ranges: Ranges) -> None:
+        table = np.array([(s.bearing_rad, s.width_rad, s.distance_m) for s in ranges.sectors])
+        self._bearing, self._width, self._distance = table.reshape(-1, 3).T
+
+    def free_m(self, body: Body, direction_rad: float = 0.0) -> float | None:
+        """How far the robot's front may go straight on in a direction; at least 0.
+
+        A sector says that something may be anywhere on its arc, so its edge nearest to the path
+        counts. None: no sector looks that way.
+        """
+        off = np.abs(np.remainder(self._bearing - direction_rad + math.pi, 2 * math.pi) - math.pi)
+        nearest = np.maximum(off - self._width / 2, 0.0)
+        if not (nearest == 0.0).any():
+            return None
         # A wall close beside must not hold up a robot that drives along it.
-        margin_m = body.margin_m if nearest_rad < _BESIDE_RAD else 0.0
+        margin_m = np.where(nearest < _BESIDE_RAD, body.margin_m, 0.0)
         space_m = body.radius_m + margin_m
-        beside_m = sector.distance_m * math.sin(min(nearest_rad, math.pi / 2))
-        if nearest_rad < math.pi / 2 and beside_m < space_m:
-            along_m = sector.distance_m * math.cos(nearest_rad)
-            free_m = min(free_m, along_m - math.sqrt(space_m**2 - beside_m**2))
-    return max(0.0, free_m) if covered else None
+        beside_m = self._distance * np.sin(nearest)
+        met = (nearest < math.pi / 2) & (beside_m < space_m)
+        along_m = self._distance * np.cos(nearest)
+        free_m = along_m[met] - np.sqrt(space_m[met] ** 2 - beside_m[met] ** 2)
+        return max(0.0, float(free_m.min(initial=math.inf)))
 
 
 def room_before_person_m(

@@ -14,6 +14,8 @@ _BRAKING_SHARE = 0.7
 _STANDING_MPS = 0.15
 """Slower people stand, as far as their estimate can tell."""
 _NEAR_M = 0.5
+_TOO_NEAR_M = 0.4
+"""Nearer than wished by so much, nobody is followed on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,13 @@ class VelocityController:
         return 0.0, 0.0
 
     def follow(
-        self, goal: Goal, room_m: float, room_behind_m: float, sidestep_rad: float, dt_s: float
+        self,
+        goal: Goal,
+        room_m: float,
+        room_behind_m: float,
+        sidestep_rad: float,
+        dt_s: float,
+        seen: bool = True,
     ) -> tuple[float, float]:
         """Linear (m/s) and angular (rad/s) velocity for the next `dt_s` seconds.
 
@@ -77,8 +85,11 @@ class VelocityController:
             room_behind_m: how far it may back off.
             sidestep_rad: by how much to head beside the person.
             dt_s: since the last command.
+            seen: whether the person is; after somebody who is not the robot goes no faster.
         """
-        linear = self._forward(self._wished_linear(goal), room_m, room_behind_m, dt_s)
+        wished = self._wished_linear(goal)
+        wished = wished if seen else min(wished, max(self.linear_mps, 0.0))
+        linear = self._forward(wished, room_m, room_behind_m, dt_s)
         angular = self._turn(self._wished_angular(goal, linear, sidestep_rad), dt_s)
         return linear, angular
 
@@ -104,7 +115,10 @@ class VelocityController:
         away_mps = (
             goal.place[0] * goal.velocity[0] + goal.place[1] * goal.velocity[1]
         ) / max(distance_m, _NEAR_M)  # fmt: skip
-        wished = s.linear_gain_per_s * error_m + _outside(away_mps, _STANDING_MPS)
+        # Nobody is hurried after from too near: how fast they walk is least sure there.
+        share = min(max(1.0 - (s.distance_m - distance_m) / _TOO_NEAR_M, 0.0), 1.0)
+        ahead_mps = share * _faded_in(away_mps, _STANDING_MPS)
+        wished = s.linear_gain_per_s * error_m + min(ahead_mps, away_mps)
         # Nothing is driven at what is more than 45 degrees off: the robot turns on the spot.
         return wished * max(0.0, math.cos(2.0 * bearing_rad)) * (abs(bearing_rad) < math.pi / 4)
 
@@ -137,6 +151,11 @@ class VelocityController:
         return speed_to_stop_within_mps(
             room_m, _BRAKING_SHARE * s.max_braking_mps2, 2 * s.robot_delay_s
         )
+
+
+def _faded_in(value: float, least: float) -> float:
+    """Nothing below `least`, all from twice that on; a mere deadband would lag behind walkers."""
+    return value * min(max(abs(value) / least - 1.0, 0.0), 1.0)
 
 
 def _outside(error: float, deadband: float) -> float:

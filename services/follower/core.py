@@ -94,6 +94,7 @@ class Follower:
             now_s: time of arrival, on the clock of `step`.
         """
         self._surroundings.observe(ranges, now_s)
+        self._people.observe(ranges, now_s)
 
     def observe_odometry(self, odometry: Odometry, now_s: float) -> None:
         """Take the robot's own motion; without it the commands stand for it.
@@ -200,7 +201,7 @@ class Follower:
         self._search = Search(pose, expected, side, self.settings.search_sweep_rad)
 
     def _drive(self, now_s: float, dt_s: float) -> tuple[float, float]:
-        """Velocity of the present state: only three of them move, `following` alone forward."""
+        """Velocity of the present state: only three of them move, and `searching` on the spot."""
         if self._name == "searching" and self._search is not None:
             bearing_rad = self._search.bearing_rad(self._motion.pose_soon())
             rate = self._controller.turn_to(bearing_rad, self.settings.search_radps)
@@ -208,7 +209,7 @@ class Follower:
         if self._name not in ("following", "occluded"):
             return self._controller.stop()
         goal = self._goal(now_s + self.settings.robot_delay_s)
-        if self._name == "occluded":
+        if self._name == "occluded" and now_s - self._seen_s > self.settings.coast_s:
             rate = self._controller.turn_to(goal.bearing_rad, self.settings.search_radps)
             return self._controller.brake_and_turn(rate, dt_s)
         people, target_id, pose = self._people, self.target.track_id, self._motion.pose
@@ -219,7 +220,8 @@ class Follower:
         sidestep_rad = self._surroundings.sidestep_rad(
             people, target_id, way, now_s, self.state.linear_mps
         )
-        return self._controller.follow(goal, ahead_m, behind_m, sidestep_rad, dt_s)
+        seen = self._name == "following"
+        return self._controller.follow(goal, ahead_m, behind_m, sidestep_rad, dt_s, seen)
 
     def _goal(self, t_s: float) -> Goal:
         """The chosen person as seen when what is told now takes effect."""

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas import CameraInfo, Track, Tracks
+from schemas import CameraInfo, Ranges, Track, Tracks
 from services.follower.estimate import PlaceFilter, polar_covariance
 from services.follower.own_motion import OwnMotion
+from services.follower.people_ranges import RangesInTime
 from services.geometry.camera import Pinhole, camera_from_info
 from services.geometry.person import PersonModel, locate_person
 
@@ -53,6 +54,7 @@ class People:
         self._camera: Pinhole | None = None
         self._known: dict[int, Person] = {}
         self._seen: dict[int, Person] = {}
+        self._ranges: RangesInTime | None = None
 
     def set_camera(self, info: CameraInfo) -> None:
         """Use what the camera says of itself."""
@@ -71,6 +73,10 @@ class People:
     def known(self) -> dict[int, Person]:
         """Those seen well within the last moments, and the one who is kept."""
         return self._known
+
+    def observe(self, ranges: Ranges, now_s: float) -> None:
+        """Take free distances at their arrival: they also tell how far people are."""
+        self._ranges = RangesInTime(ranges, now_s)
 
     def update(self, tracks: Tracks, t_s: float, motion: OwnMotion, keep: int | None) -> None:
         """Take a frame's tracks.
@@ -110,6 +116,8 @@ class People:
         else:
             made = known.filter
             made.update(where, covariance, t_s)
+        if self._ranges is not None:
+            self._ranges.sharpen(made, t_s, motion)
         return Person(track_id, distance_m, bearing_rad, t_s, made)
 
     def _camera_for(self, tracks: Tracks) -> Pinhole:

@@ -44,6 +44,13 @@ class FollowerSettings(StrictSettings):
     confirm_s: float = Field(
         0.2, ge=0, le=10, description="how long a person has to be clearly in sight before moving"
     )
+    coast_s: float = Field(
+        0.5,
+        ge=0,
+        le=2,
+        description="out of sight for less: follow on to where the person should "
+        "be by now; detectors miss people for so long now and then",
+    )
     hold_s: float = Field(
         1.0, ge=0, le=10, description="out of sight for less: brake, and turn after the person"
     )
@@ -64,7 +71,7 @@ class FollowerSettings(StrictSettings):
         0.35, gt=0, le=1.6, description="imprint: and how far off straight ahead at most"
     )
 
-    distance_m: float = Field(1.5, gt=0, le=20, description="wished distance to the person")
+    distance_m: float = Field(1.6, gt=0, le=20, description="wished distance to the person")
     personal_space_m: float = Field(
         1.0, ge=0, le=5, description="never driven nearer to anybody who is in sight"
     )

@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 
 from schemas import Ranges
-from services.follower.clearance import Body, free_distance_m, room_before_person_m
+from services.follower.clearance import Body, Sectors, room_before_person_m
 from services.follower.own_motion import Pose
 from services.follower.people import People
 from services.follower.settings import FollowerSettings
 
 _TARGET_MARGIN_M = 0.15
 """Beyond personal space: the target is driven at all the time and stops without warning."""
-_OTHERS_MARGIN_M = 0.05
-_LEAVING_MPS = 0.3
-_LEAVING_SHARE = 0.75
-"""Whoever walks out of the way is given less: waiting would not make their distance greater."""
+_OTHERS_MARGIN_M = 0.2
+"""Who crosses also comes nearer by themselves."""
 _PASSING_SPACE_M = 0.3
 _PASSING_FROM_M, _PASSING_AHEAD_M = 0.8, 5.0
 _WALK_MPS = 0.5
@@ -31,23 +29,23 @@ class Surroundings:
     def __init__(self, settings: FollowerSettings) -> None:
         self._settings = settings
         self._body = Body(settings.robot_radius_m, settings.obstacle_margin_m)
-        self._ranges: Ranges | None = None
+        self._sectors: Sectors | None = None
         self._arrived_s = -math.inf
 
     def observe(self, ranges: Ranges, now_s: float) -> None:
         """Take free distances at their arrival."""
-        self._ranges, self._arrived_s = ranges, now_s
+        self._sectors, self._arrived_s = Sectors(ranges), now_s
 
     def stale(self, now_s: float) -> bool:
         """Whether there were ranges once and they are too old now."""
         age_s = now_s - self._arrived_s
-        return self._ranges is not None and age_s > self._settings.max_ranges_age_s
+        return self._sectors is not None and age_s > self._settings.max_ranges_age_s
 
     def free_ahead_m(self, now_s: float) -> float | None:
         """How far the way ahead is free of things; None if no fresh range looks there."""
-        if self._ranges is None or self.stale(now_s):
+        if self._sectors is None or self.stale(now_s):
             return None
-        return free_distance_m(self._ranges, self._body)
+        return self._sectors.free_m(self._body)
 
     def room_m(
         self, people: People, target_id: int | None, pose: Pose, now_s: float, angular_radps: float
@@ -65,20 +63,15 @@ class Surroundings:
         for person in people.known.values():
             place = pose.seen(*person.filter.place_at(now_s))
             velocity = pose.turned(*person.filter.velocity)
-            space_m = self._settings.personal_space_m
-            if person.id == target_id:
-                space_m += _TARGET_MARGIN_M
-            elif velocity[1] * math.copysign(1.0, place[1]) > _LEAVING_MPS:
-                space_m *= _LEAVING_SHARE
-            else:
-                space_m += _OTHERS_MARGIN_M
+            margin_m = _TARGET_MARGIN_M if person.id == target_id else _OTHERS_MARGIN_M
+            space_m = self._settings.personal_space_m + margin_m
             ahead_m = min(ahead_m, room_before_person_m(place, velocity, space_m))
-        if self._ranges is not None:
+        if self._sectors is not None:
             for direction_rad in (0.0, angular_radps * _CURVE_S):
-                free_m = free_distance_m(self._ranges, self._body, direction_rad)
+                free_m = self._sectors.free_m(self._body, direction_rad)
                 ahead_m = min(ahead_m, math.inf if free_m is None else free_m)
             # Who has ranges but none behind does not back into the unknown.
-            behind_m = free_distance_m(self._ranges, self._body, math.pi) or 0.0
+            behind_m = self._sectors.free_m(self._body, math.pi) or 0.0
         return ahead_m, behind_m
 
     def sidestep_rad(

@@ -25,6 +25,8 @@ _PER_BAND = _LIGHTS + _HUES * _HUES
 LOOK_LENGTH = len(_BANDS) * _PER_BAND
 _LEAST_WIDTH, _LEAST_HEIGHT = 3, 6  # pixels; less has no look
 
+# Exposure changes by more than what tells clothes apart: lightness is blurred over three bins.
+_BLUR = sum(np.eye(_LIGHTS, k=k) * share for k, share in ((-1, 0.3), (0, 0.4), (1, 0.3)))
 _ACROSS = (np.arange(_WIDTH) + 0.5) / _WIDTH - 0.5
 _ROWS = np.concatenate([np.arange(low, high) for low, high in _BANDS])
 _BAND_OF_ROW = np.repeat(np.arange(len(_BANDS)), [high - low for low, high in _BANDS])
@@ -88,7 +90,9 @@ def _histograms(patches: list[Patch]) -> FloatArray:
     total = np.zeros(count * LOOK_LENGTH)
     for place, share in shares:
         total += np.bincount(place, weight * share, len(total))
-    looks = total.reshape(count, LOOK_LENGTH)
+    bands = total.reshape(count, len(_BANDS), _PER_BAND)
+    bands[:, :, :_LIGHTS] = bands[:, :, :_LIGHTS] @ _BLUR
+    looks = bands.reshape(count, LOOK_LENGTH)
     return np.asarray(np.sqrt(looks / looks.sum(axis=1, keepdims=True)))
 
 

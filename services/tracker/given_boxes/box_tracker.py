@@ -10,7 +10,7 @@ import numpy as np
 from schemas.errors import HeelError
 from services.tracker.given_boxes import kalman
 from services.tracker.given_boxes.association import marginals, newcomer_log_density, pair_log_odds
-from services.tracker.given_boxes.camera_motion import CameraMotion
+from services.tracker.given_boxes.camera_motion import CameraMotion, common_shift
 from services.tracker.given_boxes.carry import CameraStep, carry
 from services.tracker.given_boxes.contacts import pairs_in_doubt
 from services.tracker.given_boxes.frame import FrameBoxes, checked
@@ -24,7 +24,7 @@ from services.tracker.given_boxes.geometry import (
 from services.tracker.given_boxes.groups import (
     Merge,
     choose_merges,
-    measure_members,
+    correct_merged,
     merge_candidates,
 )
 from services.tracker.given_boxes.identity import Identity
@@ -34,7 +34,7 @@ from services.tracker.given_boxes.settings import BoxTrackerSettings
 from services.tracker.given_boxes.track import Track, TrackOutput
 
 _EPSILON_S = 1e-6
-_UNKNOWN = 1e12  # variance factor of an axis that was not measured
+_LEAST_WITNESSES = 2  # people whose surprises tell a motion of the camera from their own
 
 
 class BoxTracker:
@@ -95,7 +95,7 @@ class BoxTracker:
         mean, covariance = self._predict(t_s, camera)
         pairs, merges, sure = self._associate(mean, covariance, frame, t_s)
         self._correct(pairs, seen, frame, sure, t_s)
-        self._correct_merged(merges, frame.boxes, t_s)
+        correct_merged(self._tracks, merges, frame.boxes, t_s, self.settings)
         self._learn(pairs, merges, sure, frame, t_s)
         self._miss({i for i, _ in pairs}, {i for merge in merges for i in merge.tracks})
         used = {j for _, j in pairs} | {merge.box for merge in merges}
@@ -136,6 +136,7 @@ class BoxTracker:
             )
             for k, track in enumerate(everyone):
                 track.mean, track.covariance = mean[k], covariance[k]
+                track.confidence_before = track.confidence
         if camera is not None:
             self._carried = True
             carry(everyone, camera)
@@ -194,10 +195,12 @@ class BoxTracker:
         mean = np.stack([track.mean for track in tracks])
         recent_s = t_s - 1.5 * self._elapsed_s
         steady = [k for k, track in enumerate(tracks) if track.hits > 3 and track.seen_s > recent_s]
-        surprise = (seen[boxes, :2] - mean[:, :2, 0]) / np.exp(mean[:, 2, :1])
-        self._camera.learn(surprise[steady])
+        surprise = seen[boxes, :2] - mean[:, :2, 0]
+        self._camera.learn((surprise / np.exp(mean[:, 2, :1]))[steady])
         variance = kalman.measurement_variance(mean[:, :, 0], self.settings.motion)
         covariance = np.stack([track.covariance for track in tracks])
+        if len(steady) >= _LEAST_WITNESSES and not self._camera.stands():
+            self._shift_unseen(tracks, surprise[steady], covariance[steady], variance[steady])
         mean, covariance = kalman.update(mean, covariance, seen[boxes], variance)
         for k, track in enumerate(tracks):
             track.mean, track.covariance = mean[k], covariance[k]
@@ -205,35 +208,50 @@ class BoxTracker:
         for k, (i, j) in enumerate(pairs):
             track = tracks[k]
             others = np.delete(sure[:, j], i)
-            unseen_s = max(t_s - self._elapsed_s - track.seen_s, 0.0)
-            doubt = 1.0 if pictures else math.exp(-unseen_s / self.settings.life.doubt_s)
-            track.doubt(float(others.sum()), float(others.max(initial=0.0)), doubt)
-            given_up = track.confidence < self.settings.life.give_up
-            if track.confirmed and given_up and not self._identity.open(track):
-                track.track_id, track.confidence = self._new_id(), 1.0
+            sure_back = self._sure_back(track, frame, j, t_s)
+            track.doubt(float(others.sum()), float(others.max(initial=0.0)), sure_back)
+            if track.confirmed and not self._identity.open(track):
+                away_s = 0.0 if pictures else t_s - track.seen_s
+                if self._in_doubt(track, away_s, float(others.sum())):
+                    track.track_id, track.confidence = self._new_id(), 1.0
             shared = 0.0
             if not track.confirmed and len(known):
                 shared = float(iou(track.box()[None], known).max())
             track.believe(float(frame.scores[j]), shared, t_s, self.settings.life)
 
-    def _correct_merged(self, merges: list[Merge], boxes: FloatArray, t_s: float) -> None:
-        s = self.settings
-        for merge in merges:
-            tracks = [self._tracks[i] for i in merge.tracks]
-            mean = np.stack([track.mean for track in tracks])
-            value = mean[:, :, 0].copy()
-            variance = kalman.measurement_variance(value, s.motion)
-            centre, factor = measure_members(
-                measurements_to_boxes(value), boxes[merge.box], s.group.slack
-            )
-            value[:, :2] = centre
-            variance[:, :2] *= np.minimum(factor, _UNKNOWN) * s.group.edge_noise**2
-            variance[:, 2:] = _UNKNOWN
-            covariance = np.stack([track.covariance for track in tracks])
-            mean, covariance = kalman.update(mean, covariance, value, variance)
-            for k, track in enumerate(tracks):
-                track.mean, track.covariance = mean[k], covariance[k]
-                track.see(t_s)
+    def _sure_back(self, track: Track, frame: FrameBoxes, box: int, t_s: float) -> float:
+        """Factor in [0, 1] on the confidence in a track that has got a box after time unseen."""
+        if frame.looks is None:
+            unseen_s = max(t_s - self._elapsed_s - track.seen_s, 0.0)
+            return math.exp(-unseen_s / self.settings.life.doubt_s)
+        if not track.confirmed or t_s - track.seen_s <= self.settings.life.away_s:
+            return 1.0
+        missing = self._recall.lost + [
+            other
+            for other in self._tracks
+            if other.confirmed and other.seen_s < t_s and other is not track
+        ]
+        at_edge = self._recall.at_edge(track)
+        return self._identity.back(track, frame.looks[box], missing, at_edge)
+
+    def _in_doubt(self, track: Track, away_s: float, rivals: float) -> bool:
+        """Whether a box is no reason to go on with an id: rather a fresh one than a wrong one."""
+        life = self.settings.life
+        back = away_s > max(life.away_s, 1.5 * self._elapsed_s)
+        return track.confidence < life.give_up or (back and rivals > life.rivals)
+
+    def _shift_unseen(
+        self, seen: list[Track], surprise: FloatArray, covariance: FloatArray, variance: FloatArray
+    ) -> None:
+        """A camera that turns shifts those without a box as it shifts the others."""
+        total = covariance[:, :2, 0, 0] + variance[:, :2]
+        shift = common_shift(surprise, total)
+        speed = (covariance[:, :2, 0, 1] / total).mean(axis=0) * shift
+        found = {id(track) for track in seen}
+        for track in self._tracks:
+            if id(track) not in found:
+                track.mean[:2, 0] += shift
+                track.mean[:2, 1] += speed
 
     def _miss(self, alone: set[int], merged: set[int]) -> None:
         rate = self.settings.association.detection_rate

@@ -1,4 +1,4 @@
-"""Does the camera move? Told by the boxes alone.
+"""Does the camera move, and how? Told by the boxes alone.
 
 A Kalman filter's surprises are each person's own while the camera stands: people do not change pace
 together. A camera that turns or shakes surprises all of them at once and alike. So the correlation
@@ -7,6 +7,8 @@ side do not look like one, since the filters expect what they do.
 """
 
 from __future__ import annotations
+
+import numpy as np
 
 from services.tracker.given_boxes.geometry import FloatArray
 from services.tracker.given_boxes.settings import CameraSettings, MotionSettings
@@ -49,3 +51,16 @@ class CameraMotion:
     def stands(self) -> bool:
         """Whether places in the picture are places in the world."""
         return self.correlation() < self.settings.most_correlation
+
+
+def common_shift(surprises: FloatArray, variances: FloatArray) -> FloatArray:
+    """The motion (2,) in pixels that people in one frame did not make themselves: the camera's.
+
+    Args:
+        surprises: (N, 2) pixels by which boxes missed their predictions, N > 0.
+        variances: (N, 2) that were expected of them; what is beyond three sigmas is cut to that.
+    """
+    most = 3 * np.sqrt(variances)
+    return np.asarray(
+        (np.clip(surprises, -most, most) / variances).sum(axis=0) / (1 / variances).sum(axis=0)
+    )

@@ -37,6 +37,13 @@ class Contact:
     looks: int = 0
     clear_s: float = 0.0
 
+    def share_doubt(self, kept_log_odds: float) -> None:
+        """If one of the two may be the other, so may the other be the one."""
+        kept = 1 / (1 + math.exp(-kept_log_odds))
+        for track, before in zip(self.people, self.confidences, strict=True):
+            track.confidence = min(track.confidence, before * kept)
+            track.runner_up = max(track.runner_up, before * (1 - kept))
+
     def kept_log_odds(self) -> float:
         """Log odds that the two were not exchanged, by motion and looks."""
         kept = min(
@@ -74,7 +81,7 @@ class Contacts:
             Contact(
                 (first, second),
                 (first.gallery.copy(), second.gallery.copy()),
-                (first.confidence, second.confidence),
+                (first.confidence_before, second.confidence_before),
                 t_s,
             )
         )
@@ -100,6 +107,7 @@ class Contacts:
             if decided or contact.clear_s >= self._settings.settle_s:
                 _close(contact, odds, exchanged=decided and odds < 0)
             else:
+                contact.share_doubt(odds)
                 undecided.append(contact)
         self._open = undecided[-_MOST_OPEN:]
 

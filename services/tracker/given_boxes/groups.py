@@ -10,19 +10,30 @@ while merged, and part with the right identities at the split.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from services.tracker.given_boxes import kalman
 from services.tracker.given_boxes.association import REFUSED, assign, in_heights, log_student
 from services.tracker.given_boxes.geometry import (
     FloatArray,
     box_area,
     boxes_to_measurements,
     intersection_area,
+    measurements_to_boxes,
 )
-from services.tracker.given_boxes.settings import AssociationSettings, GroupSettings, MotionSettings
+from services.tracker.given_boxes.settings import (
+    AssociationSettings,
+    BoxTrackerSettings,
+    GroupSettings,
+    MotionSettings,
+)
+from services.tracker.given_boxes.track import Track
+
+_UNKNOWN = 1e12  # variance factor of an axis that was not measured
 
 
 @dataclass(frozen=True)
@@ -161,3 +172,35 @@ def measure_members(
             owned > 0, np.maximum(alone / np.maximum(owned, 1), 1.0), math.inf
         )
     return centre, factor
+
+
+def correct_merged(
+    tracks: Sequence[Track],
+    merges: Sequence[Merge],
+    boxes: FloatArray,
+    t_s: float,
+    settings: BoxTrackerSettings,
+) -> None:
+    """Correct the members of every merge by the edges that are theirs, in place.
+
+    Args:
+        tracks: that the merges' indices mean. boxes: (M, 4), likewise. t_s: now.
+        settings: of groups and motion.
+    """
+    group, motion = settings.group, settings.motion
+    for merge in merges:
+        members = [tracks[i] for i in merge.tracks]
+        mean = np.stack([track.mean for track in members])
+        value = mean[:, :, 0].copy()
+        variance = kalman.measurement_variance(value, motion)
+        centre, factor = measure_members(
+            measurements_to_boxes(value), boxes[merge.box], group.slack
+        )
+        value[:, :2] = centre
+        variance[:, :2] *= np.minimum(factor, _UNKNOWN) * group.edge_noise**2
+        variance[:, 2:] = _UNKNOWN
+        covariance = np.stack([track.covariance for track in members])
+        mean, covariance = kalman.update(mean, covariance, value, variance)
+        for k, track in enumerate(members):
+            track.mean, track.covariance = mean[k], covariance[k]
+            track.see(t_s)

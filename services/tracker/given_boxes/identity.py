@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from services.tracker.given_boxes.contacts import Contacts
 from services.tracker.given_boxes.frame import FrameBoxes
 from services.tracker.given_boxes.geometry import FloatArray, crowding
 from services.tracker.given_boxes.looks import LookModel
 from services.tracker.given_boxes.settings import AppearanceSettings
 from services.tracker.given_boxes.track import Track
+
+_MOST_ALIKE = 3.0  # log odds by which another's look can count for more than one's own
 
 
 class Identity:
@@ -27,6 +33,24 @@ class Identity:
         """Log odds (N, M) that (M, 4) boxes of (M, D) looks are of the tracks, less in a crowd."""
         weight = 1 - self._settings.crowd * crowding(boxes)
         return self.model.compare([track.gallery for track in tracks], looks) * weight[None]
+
+    def back(self, track: Track, look: FloatArray, missing: list[Track], at_edge: bool) -> float:
+        """Probability that somebody who was out of sight is back, and not a known person alike.
+
+        People come into view at its edges, so that there a place says little.
+
+        Args:
+            track: who is said to be back. look: (D,) of the box.
+            missing: other known people who are out of sight. at_edge: whether the box is there.
+        """
+        if not missing:
+            return 1.0
+        everyone = [track, *missing]
+        odds = self.model.compare([one.gallery for one in everyone], look[None])[:, 0]
+        best = 1 + int(np.argmax(odds[1:]))
+        prior = self._settings.alike_at_edge if at_edge else self._settings.alike
+        doubt = prior * math.exp(min(float(odds[best] - odds[0]), _MOST_ALIKE))
+        return 1 / (1 + doubt)
 
     def learn(
         self,

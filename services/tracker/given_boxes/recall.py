@@ -32,7 +32,7 @@ class Recall:
         Who went over the edge comes back in any place, where places say nothing: is forgotten
         unless looks can tell.
         """
-        track.left = self._at_edge(track)
+        track.left = self.at_edge(track)
         if pictures or not track.left:
             self.lost.append(track)
 
@@ -77,7 +77,8 @@ class Recall:
     def _area_px2(self) -> float | None:
         return None if self._image_size is None else float(np.prod(self._image_size))
 
-    def _at_edge(self, track: Track) -> bool:
+    def at_edge(self, track: Track) -> bool:
+        """Whether the person is where people come and go."""
         if self._image_size is None:
             return False
         box = track.box()

@@ -163,6 +163,15 @@ class AppearanceSettings(StrictSettings):
     decide: float = Field(
         3.0, gt=0, le=20, description="Log odds that decide who is who after two people met"
     )
+    alike: float = Field(
+        0.05,
+        ge=0,
+        le=10,
+        description="Odds that somebody who is back is another missing person of the same look",
+    )
+    alike_at_edge: float = Field(
+        0.4, ge=0, le=10, description="The same at the edge of the picture, where people come in"
+    )
     settle_s: float = Field(
         2.0, ge=0, le=60, description="Time in clear view after which who is who stays open [s]"
     )
@@ -197,7 +206,7 @@ class LifeSettings(StrictSettings):
         0.92, ge=0, le=1, description="Mean score below which a track is not shown"
     )
     hidden_score: float = Field(
-        0.8, ge=0, le=1, description="Mean score below which a shown track is hidden again"
+        0.85, ge=0, le=1, description="Mean score below which a shown track is hidden again"
     )
     walker_score: float = Field(
         0.6, ge=0, le=1, description="The same for a track that has walked, camera standing"
@@ -233,6 +242,14 @@ class LifeSettings(StrictSettings):
     give_up: float = Field(
         0.03, ge=0, le=1, description="Identity confidence below which a track gets a fresh id"
     )
+    rivals: float = Field(
+        0.1,
+        ge=0,
+        le=1,
+        description="Probability that the box of somebody who was out of sight is another's, above "
+        "which it gets a fresh id; where looks are known they decide instead",
+    )
+    away_s: float = Field(0.2, ge=0, le=60, description="Time without a box for that to apply [s]")
     memory_size: int = Field(64, ge=1, le=10000, description="Most people remembered at a time")
 
 

@@ -13,7 +13,7 @@ from services.tracker.given_boxes.looks import Gallery
 from services.tracker.given_boxes.settings import LifeSettings
 
 _EPSILON_S = 1e-6
-_LEAST_CONFIDENCE, _CONFIDENCE_RANGE = 0.51, 0.39
+_LEAST_CONFIDENCE, _CONFIDENCE_RANGE = 0.52, 0.40
 _LEAST_ODD = 0.05  # no single box is better evidence than 20 to 1: detectors err twice in a row
 
 
@@ -68,6 +68,7 @@ class Track:
     hits: int = 1
     confirmed: bool = False
     confidence: float = 1.0  # that this is who got the id
+    confidence_before: float = 1.0  # the same before this frame's boxes
     runner_up: float = 0.0  # that this is the best other known person
     walked: bool = False  # has moved as only people do
     gallery: Gallery = field(default_factory=Gallery)

@@ -7,7 +7,7 @@ import pytest
 
 from services.capture.backoff import Backoff
 from services.capture.frozen import NewsWatch
-from services.capture.pacing import Pacer
+from services.runtime.pacing import Pacer
 
 A = np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8)
 B = A.copy()

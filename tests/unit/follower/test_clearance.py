@@ -10,7 +10,7 @@ from schemas import Ranges
 from schemas.robot import RangeSector
 from services.follower.clearance import (
     Body,
-    free_distance_m,
+    Sectors,
     room_before_person_m,
     speed_to_stop_within_mps,
 )
@@ -60,7 +60,7 @@ def lidar(wall: dict[int, float], farthest_m: float = 8.0) -> Ranges:
 def test_the_way_is_free_as_far_as_the_nearest_thing_within_the_robots_width(
     seen: Ranges, direction_rad: float, free_m: float | None
 ) -> None:
-    found = free_distance_m(seen, BODY, direction_rad)
+    found = Sectors(seen).free_m(BODY, direction_rad)
     assert found == (None if free_m is None else pytest.approx(free_m, abs=0.01))
 
 

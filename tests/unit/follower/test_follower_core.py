@@ -120,13 +120,15 @@ def test_doubt_about_the_person_stops_the_robot_at_once(change: dict[str, Any], 
 @pytest.mark.parametrize(
     "change", [{"state": "occluded"}, {"state": "lost"}, {"shown": False}, {"id": 3}]
 )
-def test_who_is_out_of_sight_is_braked_for_turned_after_searched_and_waited_for(
+def test_who_is_out_of_sight_is_coasted_after_braked_for_searched_and_waited_for(
     change: dict[str, Any],
 ) -> None:
     made = following(tracks(person(1, x=250, height=FAR)), search_s=3.0)
     speed = drive(made).linear_mps
     gone = tracks(person(**{"track_id": 1, "height": FAR} | change), person(2, x=600))
-    braking = drive(made, 0.1, seen=gone)
+    coasting = drive(made, 0.1, seen=gone)
+    assert (coasting.state, coasting.linear_mps) == ("occluded", speed)
+    braking = drive(made, 0.5, seen=gone)
     assert braking.state == "occluded"
     assert 0 < braking.linear_mps < speed
     assert drive(made, 1.0, seen=gone).linear_mps == 0.0

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from services.tracker.given_boxes.box_tracker import BoxTracker
-from services.tracker.given_boxes.camera_motion import CameraMotion
+from services.tracker.given_boxes.camera_motion import CameraMotion, common_shift
 from services.tracker.given_boxes.geometry import boxes_to_measurements, measurements_to_boxes
 from services.tracker.given_boxes.score_scale import ScoreScale
 from services.tracker.given_boxes.settings import CameraSettings, MotionSettings
@@ -118,3 +119,9 @@ def test_a_camera_moves_if_all_are_surprised_alike() -> None:
             motion.learn(rng.normal(0, 0.03, (6, 2)) + rng.normal(0, shake, 2))
         assert motion.stands() == stands
         assert 0 <= motion.correlation() <= 1
+
+
+def test_what_surprises_all_alike_is_the_cameras_shift() -> None:
+    surprises = np.array([[10.0, -4.0], [12.0, -5.0], [8.0, -3.0], [300.0, -4.0]])
+    shift = common_shift(surprises, np.array([[25.0, 25.0]] * 3 + [[2500.0, 25.0]]))
+    assert shift == pytest.approx([10.5, -4.0], abs=0.5)

@@ -176,6 +176,27 @@ def test_who_is_out_of_sight_is_lost_and_less_sure_on_return() -> None:
     assert back.identity_confidence < before.identity_confidence
 
 
+@pytest.mark.parametrize(
+    ("away_s", "apart", "keeps"), [(0.5, 200.0, True), (0.5, 30.0, False), (0.1, 200.0, True)]
+)
+def test_a_box_that_may_be_another_ones_starts_a_fresh_id_after_time_out_of_sight(
+    away_s: float, apart: float, keeps: bool
+) -> None:
+    """Two stand side by side, both unseen for a while; then one box comes up between them."""
+    tracker = BoxTracker(image_size=IMAGE)
+    pair = np.array([box((400, 400)), box((400 + apart, 400))])
+    for index in range(20):
+        tracker.update(pair, np.full(2, 0.99), index / FPS)
+    back_s = 1.9 + away_s
+    for index in range(20, round(back_s * FPS)):
+        tracker.update(np.zeros((0, 4)), np.zeros(0), index / FPS)
+    middle = np.array([box((400 + (15 if apart < 40 else 0), 400))])
+    tracks = tracker.update(middle, np.full(1, 0.99), back_s)
+    seen = [track for track in tracks if track.state is TrackState.TRACKED]
+    assert len(seen) == 1
+    assert (seen[0].track_id in (1, 2)) == keeps
+
+
 def _broken(value: float) -> NDArray[np.float64]:
     return np.array([[10.0, 10.0, value, 100.0]])
 
