@@ -1,7 +1,8 @@
 # One image for every service; the container's command chooses: `heel SERVICE`.
 #
-# Not in it: the packages that score (extra `eval`, TrackEval), 101 MB that no robot needs.
-# `heel demo` runs without them and names what is missing when it comes to the scores.
+# Not in it: the packages that score (extra `eval`, TrackEval), 101 MB, and the renderer of the
+# simulated world (extra `sim`), 154 MB, that no robot needs. `heel demo` belongs on a desk: what is
+# missing it names.
 FROM python:3.11-slim-bookworm
 
 ENV PYTHONUNBUFFERED=1 \

@@ -1,45 +1,102 @@
-"""Pictures for the documentation, drawn from our own demo scene by the default preset.
+"""The documentation's picture: the page while a robot follows somebody through a simulated world.
 
-Example run: python -m benchmarks.pictures docs
+Needs Chromium and its driver. Example run: python -m benchmarks.pictures docs
 """
 
 from __future__ import annotations
 
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import cv2
+import numpy as np
 import typer
 
 from schemas.errors import HeelError
-from services.pipeline import RecordedFrames, load_pipeline
-from services.run.annotate import Annotator
 from services.runtime.command_line import run_app
 
+if TYPE_CHECKING:
+    from selenium.webdriver import Chrome
+
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-SCENE = "scene:demo"
-FRAMES = {"demo.jpg": 220}
-_JPEG_QUALITY = 88
+_SIZE_PX = "1560,900"
+_DEADLINE_S = 60.0
+_JPEG_QUALITY = 86
+T = TypeVar("T")
 
 
 @app.command()
-def main(folder: Annotated[Path, typer.Argument(help="where the pictures go")]) -> None:
-    """Draw every picture of the documentation."""
-    pipeline, _ = load_pipeline("default", "nearest", None)
-    annotator = Annotator()
-    wanted = {frame: name for name, frame in FRAMES.items()}
-    with RecordedFrames(SCENE) as frames:
-        for frame, image, source_size in frames:
-            result = pipeline.step(frame, image, source_size)
-            caption = f"frame {frame.index + 1}"
-            picture = annotator.draw(image, result.tracks, result.target_id, caption)
-            if frame.index + 1 in wanted:
-                path = folder / wanted.pop(frame.index + 1)
-                if not cv2.imwrite(str(path), picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]):
-                    raise HeelError(f"{path} cannot be written: give a folder that exists")
-                typer.echo(f"wrote {path}")
-            if not wanted:
-                return
+def main(
+    folder: Annotated[Path, typer.Argument(help="where the picture goes")],
+    after_s: Annotated[float, typer.Option(help="simulated seconds into the episode")] = 15.0,
+) -> None:
+    """Run `heel demo`, look at its page, and keep the picture of a moment."""
+    with _demo() as url, _browser() as driver:
+        driver.get(url)
+        moment = "return Number(document.getElementById('map').dataset.time ?? 0)"
+        _wait(lambda: driver.execute_script(moment) >= after_s, f"{after_s:g} s of simulated time")
+        png = driver.get_screenshot_as_png()
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    path = folder / "demo.jpg"
+    if picture is None or not cv2.imwrite(
+        str(path), picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+    ):
+        raise HeelError(f"{path} cannot be written: give a folder that exists")
+    typer.echo(f"wrote {path}")
+
+
+@contextmanager
+def _demo() -> Iterator[str]:
+    """The demo's page while it runs."""
+    with tempfile.TemporaryDirectory() as out:
+        command = [sys.executable, "-m", "services", "demo", "--port", "0", "--out", out]
+        log = Path(out) / "stdout"
+        with log.open("wb") as stream:
+            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=stream)
+        try:
+            page = re.compile(r"live page: (\S+)")
+            found = _wait(lambda: page.findall(log.read_text()), "the demo's page")
+            yield found[0]
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(timeout=20)
+
+
+@contextmanager
+def _browser() -> Iterator[Chrome]:
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    chromium, chromedriver = shutil.which("chromium"), shutil.which("chromedriver")
+    if chromium is None or chromedriver is None:
+        raise HeelError("the picture needs a browser: install chromium and chromium-driver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for flag in ("--headless=new", "--no-sandbox", "--disable-gpu", f"--window-size={_SIZE_PX}"):
+        options.add_argument(flag)
+    driver = webdriver.Chrome(options, Service(chromedriver))
+    try:
+        yield driver
+    finally:
+        driver.quit()
+
+
+def _wait(look: Callable[[], T], what: str) -> T:
+    deadline_s = time.monotonic() + _DEADLINE_S
+    while not (found := look()):
+        if time.monotonic() > deadline_s:
+            raise HeelError(f"{what} did not come within {_DEADLINE_S:g} s: run heel demo alone")
+        time.sleep(0.1)
+    return found
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from evaluation.alignment import AlignedSequence
 from evaluation.dice import dice_per_frame
+from evaluation.figures import INK, new_figure, save, set_legend, set_title
 from evaluation.retention import retention
 from evaluation.timeline import ABSENT, MISSED, Timeline, timeline
 from schemas.errors import HeelError
@@ -20,11 +21,8 @@ from schemas.errors import HeelError
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-_DPI = 150
-_WIDTH_IN = 11.0
-_INK, _MUTED, _MISSED, _ACCENT = "#1f2933", "#7b8794", "#dde2e8", "#2f6db5"
+_MISSED, _ACCENT = "#dde2e8", "#2f6db5"
 _MEAN = "#d11149"
 
 
@@ -67,7 +65,7 @@ def plot_accuracy(sequence: AlignedSequence, path: Path) -> None:
     accuracy = dice_per_frame(sequence)
     frames = np.arange(1, len(accuracy) + 1)
     window = max(5, len(accuracy) // 40)
-    figure, axes = _figure(height_in=4.2)
+    figure, axes = new_figure(height_in=4.2)
     axes.fill_between(frames, accuracy, color=_ACCENT, alpha=0.12, linewidth=0)
     axes.plot(frames, accuracy, color=_ACCENT, alpha=0.45, linewidth=0.8, label="each frame")
     label = f"moving mean, {window} frames"
@@ -76,11 +74,11 @@ def plot_accuracy(sequence: AlignedSequence, path: Path) -> None:
     axes.axhline(mean, color=_MEAN, linewidth=1.2, dashes=(6, 3), label=f"mean {mean:.1f} %")
     axes.set(xlim=(1, max(len(accuracy), 2)), ylim=(0, 102), xlabel="frame", ylabel="accuracy (%)")
     axes.grid(axis="y", color=_MISSED, linewidth=0.8)
-    _title(
+    set_title(
         axes, f"{sequence.name}: detection accuracy per frame", "Dice overlap of all boxes, eq. 7"
     )
-    _legend(axes, columns=3)
-    _save(figure, path)
+    set_legend(axes, columns=3)
+    save(figure, path)
 
 
 def plot_timeline(sequence: AlignedSequence, path: Path, *, iou_threshold: float = 0.5) -> None:
@@ -94,7 +92,7 @@ def plot_timeline(sequence: AlignedSequence, path: Path, *, iou_threshold: float
     """
     table = timeline(sequence, iou_threshold)
     people = len(table.tracks)
-    figure, axes = _figure(height_in=float(np.clip(1.7 + 0.3 * people, 2.6, 40.0)))
+    figure, axes = new_figure(height_in=float(np.clip(1.7 + 0.3 * people, 2.6, 40.0)))
     for row in range(people):
         _draw_person(axes, row, table, sequence.track_identities)
     axes.set(xlim=(0.5, sequence.frame_count + 0.5), ylim=(people - 0.4, -0.8), xlabel="frame")
@@ -103,14 +101,14 @@ def plot_timeline(sequence: AlignedSequence, path: Path, *, iou_threshold: float
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
     held = retention(sequence, iou_threshold)
-    _title(
+    set_title(
         axes,
         f"{sequence.name}: who was tracked as whom",
         f"{int(table.switches.sum())} switches, keep {held.keep_percent:.1f} %, "
         f"wrong {held.wrong_percent:.1f} %, IoU ≥ {iou_threshold:g}",
     )
     _timeline_legend(axes)
-    _save(figure, path)
+    save(figure, path)
 
 
 def runs(values: NDArray[np.int64]) -> list[tuple[int, int, int]]:
@@ -132,11 +130,11 @@ def _draw_person(axes: Axes, row: int, table: Timeline, identities: NDArray[np.i
     for (start, stop, track), colour in zip(tracked, colours, strict=True):
         text = str(identities[track])
         if stop - start >= digit_frames * len(text):
-            middle, ink = (start + stop + 1) / 2, "white" if _is_dark(colour) else _INK
+            middle, ink = (start + stop + 1) / 2, "white" if _is_dark(colour) else INK
             axes.text(middle, row, text, color=ink, fontsize=7, ha="center", va="center_baseline")
     at = np.flatnonzero(table.switches[row]) + 0.5
-    axes.vlines(at, row - 0.48, row + 0.36, color=_INK, linewidth=1.4, zorder=3)
-    axes.plot(at, np.full(len(at), row - 0.48), "v", color=_INK, markersize=4, zorder=3)
+    axes.vlines(at, row - 0.48, row + 0.36, color=INK, linewidth=1.4, zorder=3)
+    axes.plot(at, np.full(len(at), row - 0.48), "v", color=INK, markersize=4, zorder=3)
 
 
 def _timeline_legend(axes: Axes) -> None:
@@ -149,14 +147,14 @@ def _timeline_legend(axes: Axes) -> None:
         Line2D(
             [],
             [],
-            color=_INK,
+            color=INK,
             marker="v",
             markersize=5,
             linestyle="none",
             label="identity switch",
         ),
     ]
-    _legend(axes, columns=3, handles=handles)
+    set_legend(axes, columns=3, handles=handles)
 
 
 def _colour(track: int) -> tuple[float, float, float]:
@@ -181,43 +179,3 @@ def _moving_mean(values: NDArray[np.float64], window: int) -> NDArray[np.float64
         defined, total[middle] / np.maximum(count[middle], 1.0), np.nan
     )
     return mean
-
-
-def _figure(height_in: float) -> tuple[Figure, Axes]:
-    """A figure of its own: no pyplot, so no window system and no global state."""
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise HeelError(
-            f"matplotlib cannot be imported ({error}); run `pip install matplotlib` to plot"
-        ) from error
-    figure = Figure(figsize=(_WIDTH_IN, height_in), dpi=_DPI, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(_MUTED)
-    axes.tick_params(colors=_MUTED, labelcolor=_INK, labelsize=9)
-    axes.xaxis.label.set_color(_INK)
-    axes.yaxis.label.set_color(_INK)
-    return figure, axes
-
-
-def _title(axes: Axes, title: str, subtitle: str) -> None:
-    axes.set_title(title, loc="left", fontsize=12, fontweight="bold", color=_INK)
-    axes.set_title(subtitle, loc="right", fontsize=9, color=_MUTED)
-
-
-def _legend(axes: Axes, columns: int, handles: list[Artist] | None = None) -> None:
-    axes.figure.legend(  # outside the axes, so that it never covers data
-        handles=handles if handles is not None else axes.get_legend_handles_labels()[0],
-        loc="outside lower center",
-        ncols=columns,
-        frameon=False,
-        fontsize=9,
-        labelcolor=_INK,
-    )
-
-
-def _save(figure: Figure, path: Path) -> None:
-    figure.savefig(path, metadata={"Software": None})

@@ -10,9 +10,11 @@ import typer
 from services.capture.settings import CaptureSettings
 from services.commands import register_tools
 from services.detector.settings import DetectorServiceSettings
+from services.drive.settings import DriveServiceSettings
 from services.follower.settings import FollowerServiceSettings
 from services.runtime.command_line import later, run_process, settings_command
 from services.runtime.router import RouterSettings
+from services.simulator.settings import SimulatorSettings
 from services.tracker.settings import TrackerServiceSettings
 from services.web.settings import WebServiceSettings
 
@@ -21,6 +23,8 @@ _SERVICES = (
     ("detector", DetectorServiceSettings, "Find people-sized foreground in every frame."),
     ("tracker", TrackerServiceSettings, "Give people identities and keep them."),
     ("follower", FollowerServiceSettings, "Turn the chosen person into motion commands."),
+    ("drive", DriveServiceSettings, "Turn motion commands into wheels; stop when they stop."),
+    ("simulator", SimulatorSettings, "Simulate a world with people and a robot in it."),
     ("web", WebServiceSettings, "Serve the live picture and control page."),
 )
 

@@ -15,16 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, FrameId, MotionCommand, Tracks
-from services.capture.packing import fit_to_cap
+from schemas import Blobs, CameraInfo, FrameId, MotionCommand, Tracks
+from services.capture.describe import Mounting, mounting
+from services.capture.pixels import fit_to_cap
 from services.capture.scene_source import open_scene
+from services.capture.settings import CaptureSettings
 from services.capture.sources import open_source
 from services.detector.core import Detector
 from services.detector.settings import DetectorServiceSettings, DetectorSettings
 from services.follower.core import Follower
 from services.follower.settings import FollowerServiceSettings, FollowerSettings
 from services.runtime.settings import Loaded, load_settings
-from services.tracker.core import Tracker
+from services.tracker.core import configured
 from services.tracker.settings import TrackerServiceSettings, TrackerSettings
 
 REPEATABLE_EPOCH = 1
@@ -38,26 +40,40 @@ class InProcessPipeline:
 
     def __init__(self, detector: DetectorSettings, tracker: TrackerSettings) -> None:
         self._detector = Detector(detector)
-        self._tracker = Tracker(tracker)
+        self._tracker = configured(tracker)
         self._recent: deque[Tracks] = deque(maxlen=detector.feedback_lag_frames)
 
     def step(
         self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
     ) -> tuple[Blobs, Tracks]:
-        """Process one frame; it is protected with the tracks of exactly `lag` frames before.
+        """Process one frame: `detect`, then `track`.
 
         Args:
             frame: which frame this is; seq goes up by one within an epoch.
             image: (H, W, 3) uint8 BGR.
             source_size: width and height before capture scaled the frame, pixels.
         """
+        blobs = self.detect(frame, image, source_size)
+        return blobs, self.track(blobs)
+
+    def detect(
+        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
+    ) -> Blobs:
+        """Blobs of a frame, protected with the tracks of exactly `lag` frames before."""
         lag = self._detector.settings.feedback_lag_frames
         wanted = (frame.epoch, frame.seq - lag)
         feedback = next((old for old in self._recent if (old.epoch, old.seq) == wanted), None)
-        blobs = self._detector.detect(frame, image, source_size, feedback)
+        return self._detector.detect(frame, image, source_size, feedback)
+
+    def track(self, blobs: Blobs) -> Tracks:
+        """Tracks of the frame just detected."""
         tracks = self._tracker.update(blobs)
         self._recent.append(tracks)
-        return blobs, tracks
+        return tracks
+
+    def settle(self) -> None:
+        """What the tracker does once a frame's tracks are sent, otherwise done by `track`."""
+        self._tracker.settle()
 
 
 @dataclass(frozen=True)
@@ -74,31 +90,48 @@ class FollowingPipeline:
     """Detector, tracker and follower, with the stream as their clock."""
 
     def __init__(
-        self, detector: DetectorSettings, tracker: TrackerSettings, follower: FollowerSettings
-    ) -> None:
+        self, detector: DetectorSettings, tracker: TrackerSettings, follower: FollowerSettings,
+        camera: Mounting,
+    ) -> None:  # fmt: skip
         self._perception = InProcessPipeline(detector, tracker)
         self._follower = Follower(follower)
+        self._camera: Mounting | None = camera
 
     def step(
         self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
     ) -> PipelineResult:
         """Process one frame; arguments as `InProcessPipeline.step`."""
         blobs, tracks = self._perception.step(frame, image, source_size)
+        if self._camera is not None:
+            self._follower.set_camera(_camera_info(tracks, self._camera))
+            self._camera = None
         self._follower.observe(tracks, _TRACKER)
         command = self._follower.step(frame.t_capture_ns * 1e-9, 0.0)
         return PipelineResult(blobs, tracks, command, self._follower.target.track_id)
 
 
+def _camera_info(tracks: Tracks, camera: Mounting) -> CameraInfo:
+    """What the capture process would say of its camera, as far as it matters to the follower."""
+    return CameraInfo(
+        stream=tracks.stream, epoch=tracks.epoch, width=tracks.width, height=tracks.height,
+        source_width=tracks.source_width, source_height=tracks.source_height, fps=1.0,
+        source="in process", horizontal_fov_rad=camera.horizontal_fov_rad,
+        mount_height_m=camera.mount_height_m, mount_pitch_rad=camera.mount_pitch_rad,
+    )  # fmt: skip
+
+
 def load_pipeline(
-    preset: str, target: str, file: Path | None
-) -> tuple[FollowingPipeline, dict[str, Any]]:
+    preset: str, target: str, file: Path | None, detector_name: str | None = None,
+    model: Path | None = None,
+) -> tuple[FollowingPipeline, dict[str, Any]]:  # fmt: skip
     """The cores with the settings that the processes would read, and those settings to show.
 
     Raises:
         SettingsError: as `load_settings`.
     """
+    chosen = {"preset": preset, "detector": detector_name, "model": model}
     detector: Loaded[DetectorServiceSettings] = load_settings(
-        "detector", DetectorServiceSettings, {"detector": {"preset": preset}}, file
+        "detector", DetectorServiceSettings, {"detector": chosen}, file
     )
     tracker: Loaded[TrackerServiceSettings] = load_settings(
         "tracker", TrackerServiceSettings, {"tracker": {"preset": preset}}, file
@@ -106,8 +139,12 @@ def load_pipeline(
     follower: Loaded[FollowerServiceSettings] = load_settings(
         "follower", FollowerServiceSettings, {"follower": {"target": target}}, file
     )
+    capture: Loaded[CaptureSettings] = load_settings("capture", CaptureSettings, {}, file)
     shown = detector.shown("detector") | tracker.shown("tracker") | follower.shown("follower")
-    return FollowingPipeline(detector.service, tracker.service, follower.service), shown
+    pipeline = FollowingPipeline(
+        detector.service, tracker.service, follower.service, mounting(capture.service)
+    )
+    return pipeline, shown
 
 
 class RecordedFrames:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from schemas.errors import SourceError
 from services.capture.backoff import Backoff
-from services.capture.frozen import FrozenDetector
+from services.capture.frozen import NewsWatch
 from services.capture.pixels import to_bgr8
 from services.capture.source import (
     Frame,
@@ -56,7 +56,7 @@ class LiveSource(FrameSource):
         connect: opens the camera; called again after every loss.
         open_timeout_s: how long the constructor waits for the first frame.
         stall_after_s: without a frame for so long the status is `stalled`.
-        frozen_after_s: with the same bytes for so long the status is `frozen`.
+        frozen_after_s: without anything new to see for so long the status is `frozen`.
         backoff: pauses between attempts to connect again.
         warn: told once of every loss and every return.
 
@@ -79,6 +79,7 @@ class LiveSource(FrameSource):
         self.name = name
         self._connect = connect
         self._stall_after_s = stall_after_s
+        self._frozen_after_s = frozen_after_s
         self._backoff = backoff or Backoff()
         self._warn = warn
         self._closing = threading.Event()
@@ -89,7 +90,7 @@ class LiveSource(FrameSource):
         self._count = 0
         self._first_ns = 0
         self._last_ns = 0
-        self._frozen = FrozenDetector(frozen_after_s)
+        self._news = NewsWatch()
         self._thread = threading.Thread(target=self._run, name="camera-reader", daemon=True)
         self._thread.start()
         self._await_first_frame(open_timeout_s)
@@ -179,16 +180,17 @@ class LiveSource(FrameSource):
         with self._changed:
             self._first_ns = self._first_ns or now_ns
             media_time_s = (now_ns - self._first_ns) / 1e9
-            self._newest = Frame(image, self._count, media_time_s, width, height, now_ns)
             if self._status.state == "reconnecting" and self._count:
                 returned = True
-                self._frozen.reset()
+                self._news.reset()
                 self._status = replace(
                     self._status, attempt=0, reconnects=self._status.reconnects + 1
                 )
+            since_ns = self._news.update(image, now_ns)
+            self._newest = Frame(image, self._count, media_time_s, width, height, now_ns, since_ns)
             self._count += 1
             self._last_ns = now_ns
-            frozen = self._frozen.update(image, now_ns / 1e9)
+            frozen = now_ns - since_ns >= self._frozen_after_s * 1e9
             self._status = replace(self._status, state="frozen" if frozen else "connected")
             self._changed.notify_all()
         if returned:

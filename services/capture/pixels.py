@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from schemas.errors import SourceError
+from schemas.image import MAX_IMAGE_BYTES
 
 
 def to_bgr8(image: NDArray[np.integer | np.floating]) -> NDArray[np.uint8]:
@@ -48,3 +51,13 @@ def shrink(image: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
     if size == (width, height):
         return image
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def fit_to_cap(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The image itself, or shrunk so that its raw pixels fit into one message.
+
+    8K raw is 100 MB; the cap is 8 MiB (1080p is 6.2 MB).
+    """
+    if image.nbytes <= MAX_IMAGE_BYTES:
+        return image
+    return shrink(image, math.sqrt(MAX_IMAGE_BYTES / image.nbytes) * 0.999)

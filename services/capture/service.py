@@ -9,16 +9,24 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from schemas import CameraInfo, EndOfStream, HeelError, MessageError, Progress, decode, encode, keys
+from schemas.image import MAX_IMAGE_BYTES
 from services.capture.credit import CreditWindow
-from services.capture.pacing import Pacer
-from services.capture.packing import StreamIdentity, fit_to_cap, pack_frame
+from services.capture.describe import mounting
+from services.capture.pan_topics import LISTEN_S, PanTopics
+from services.capture.pixels import fit_to_cap
 from services.capture.settings import CaptureSettings
 from services.capture.source import Frame, FrameSource, SourceTimeout
 from services.capture.sources import open_source
 from services.runtime import qos
+from services.runtime.frame_memory import FrameMemory
+from services.runtime.images import ImageCoding, StreamIdentity, pack_image
+from services.runtime.pacing import Pacer
 from services.runtime.publishing import Latched
 from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from services.runtime.settings import Loaded
+
+_LIVE_FRAMES = 6
+"""Frames that two receivers can hold between them, each at work on one with two waiting."""
 
 
 class CaptureService:
@@ -27,7 +35,10 @@ class CaptureService:
     def __init__(self, context: ServiceContext[CaptureSettings], source: FrameSource) -> None:
         self._context = context
         self._settings = context.settings
+        window = source.window
+        self._mounting = mounting(context.settings, None if window is None else window.fov_rad)
         self._source = source
+        self._pan = None if window is None else PanTopics(context, window)
         self._lossless = context.settings.delivery == "lossless"
         epoch = context.settings.epoch
         self._identity = StreamIdentity(
@@ -35,11 +46,16 @@ class CaptureService:
             epoch=secrets.randbits(63) if epoch is None else epoch,
             producer=context.producer,
         )
+        self._coding = ImageCoding(context.settings.image_encoding, context.settings.jpeg_quality)
         self._pacer = None if self._lossless or source.is_live else Pacer(source.fps)
         self._credit = CreditWindow(
             context.settings.await_consumers, self._identity.epoch, qos.LOSSLESS_WINDOW_FRAMES
         )
         self._out = context.publisher(keys.image(context.settings.camera), qos.IMAGE)
+        self._memory: FrameMemory | None = None
+        if context.shared_memory and context.settings.image_encoding == "raw":
+            frames = qos.LOSSLESS_WINDOW_FRAMES + 2 if self._lossless else _LIVE_FRAMES
+            self._memory = FrameMemory(frames, context.log)
         self._info: Latched | None = None
         self._seq = 0
         self._shape: tuple[int, ...] | None = None
@@ -50,6 +66,7 @@ class CaptureService:
         if self._lossless:
             context.subscribe("progress", keys.all_progress(self._settings.camera), qos.PROGRESS)
         with Latched(context.session, keys.info(self._settings.camera), qos.INFO) as self._info:
+            self._make_room()
             context.announce()
             if self._lossless:
                 self._await(lambda: self._out.has_listeners, "a listener on the image topic")
@@ -62,6 +79,12 @@ class CaptureService:
                 self._end(str(error)[:512])
                 raise
             self._end(reason)
+
+    def _make_room(self) -> None:
+        """Take the memory for frames before the first one is due."""
+        frame_bytes = 3 * self._source.width * self._source.height
+        if self._memory is not None and frame_bytes <= MAX_IMAGE_BYTES:
+            self._memory.make_room(frame_bytes)
 
     def _send_all(self) -> str:
         limit = self._settings.frames or math.inf
@@ -81,7 +104,11 @@ class CaptureService:
     def _read(self) -> Frame | None:
         """The next frame; None at the end, or when a camera is silent (then that is reported)."""
         try:
-            frame = self._source.read(LOOP_WAIT_S)
+            if self._pan is None:
+                frame = self._source.read(LOOP_WAIT_S)
+            else:
+                self._pan.turn(time.monotonic())
+                frame = self._source.read(LISTEN_S)
         except SourceTimeout:
             frame = None
         status = self._source.status
@@ -112,17 +139,22 @@ class CaptureService:
     def _send(self, frame: Frame) -> None:
         started_ns = time.monotonic_ns()
         acquired_ns = frame.acquired_ns or started_ns
-        age_ns = 0 if self._lossless else max(0, time.monotonic_ns() - acquired_ns)
+        now_ns = time.monotonic_ns()
+        # A frozen or covered camera goes stale for everybody behind, and the robot stops.
+        age_ns = 0 if self._lossless else max(0, now_ns - (frame.new_ns or acquired_ns))
         t_capture_ns = (
-            round(frame.media_time_s * 1e9) if self._lossless else time.time_ns() - age_ns
+            round(frame.media_time_s * 1e9)
+            if self._lossless
+            else time.time_ns() - max(0, now_ns - acquired_ns)
         )
         frame = replace(frame, image=fit_to_cap(frame.image))
         self._describe(frame)
-        header, payload = pack_frame(
-            self._identity, frame, self._seq, t_capture_ns, age_ns,
-            self._settings.image_encoding, self._settings.jpeg_quality,
+        header, payload = pack_image(
+            self._identity, frame.image, (self._seq, frame.index),
+            (frame.source_width, frame.source_height), t_capture_ns, age_ns, self._coding,
         )  # fmt: skip
-        self._out.send_bytes(payload, header.image_encoding, encode(header))
+        held = payload if self._memory is None else self._memory.hold(payload)
+        self._out.send_bytes(held, header.image_encoding, encode(header))
         self._seq += 1
         now_ns = time.monotonic_ns()
         self._context.statistics.input(acquired_ns * 1e-9)
@@ -153,9 +185,9 @@ class CaptureService:
                 fps=self._source.fps,
                 frame_count=self._source.frame_count,
                 source=self._source.name[:512],
-                horizontal_fov_rad=_radians(s.horizontal_fov_deg),
-                mount_height_m=s.mount_height_m,
-                mount_pitch_rad=_radians(s.mount_pitch_deg),
+                horizontal_fov_rad=self._mounting.horizontal_fov_rad,
+                mount_height_m=self._mounting.mount_height_m,
+                mount_pitch_rad=self._mounting.mount_pitch_rad,
             )
         )
 
@@ -204,10 +236,6 @@ class CaptureService:
                 self._context.log.info("camera: well again")
             else:
                 self._context.log.warning("%s", reason)
-
-
-def _radians(degrees: float | None) -> float | None:
-    return None if degrees is None else math.radians(degrees)
 
 
 def serve(context: ServiceContext[CaptureSettings]) -> None:

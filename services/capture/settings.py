@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
@@ -16,7 +17,7 @@ class CaptureSettings(ServiceSettings):
     source: str = Field(
         "scene:demo",
         description="video file, image folder, MOTChallenge sequence, /dev/videoN, rtsp:// or "
-        "http:// address, or scene:NAME",
+        "http:// address, scene:NAME, or pan:RECORDING, a window that turns with the robot",
         json_schema_extra={"positional": True},
     )
     scale: float = Field(1.0, gt=0, le=1, description="factor for both sides of every frame")
@@ -38,8 +39,14 @@ class CaptureSettings(ServiceSettings):
     epoch: int | None = Field(
         None, ge=0, lt=2**63, description="fixed epoch for repeatable runs; random otherwise"
     )
+    calibration: Path | None = Field(
+        None, description="file of `heel calibrate` that says how the camera is mounted"
+    )
     horizontal_fov_deg: float | None = Field(
-        None, gt=0, lt=180, description="horizontal field of view of the camera, degrees"
+        None,
+        gt=0,
+        lt=180,
+        description="horizontal field of view of the camera, degrees; wins over the file",
     )
     mount_height_m: float | None = Field(None, ge=0, le=100, description="camera above ground, m")
     mount_pitch_deg: float | None = Field(

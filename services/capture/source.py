@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.errors import SourceError
+from services.capture.pan_window import PanWindow
 
 DEFAULT_FPS = 25.0
 """Rate assumed when a container or a driver gives none or a nonsensical one."""
@@ -43,6 +44,8 @@ class Frame:
         source_width: width in pixels before `--scale`.
         source_height: height in pixels before `--scale`.
         acquired_ns: `time.monotonic_ns()` when a camera delivered it, None in a recording.
+        new_ns: the same of the newest picture that showed anything new. A camera that repeats
+            itself byte for byte, or is black, shows nothing newer: its age counts from then.
     """
 
     image: NDArray[np.uint8]
@@ -51,6 +54,7 @@ class Frame:
     source_width: int
     source_height: int
     acquired_ns: int | None = None
+    new_ns: int | None = None
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ class SourceStatus:
     """How a source is doing.
 
     Attributes:
-        state: `stalled` is connected but silent, `frozen` the same bytes over and over.
+        state: `stalled` is connected but silent, `frozen` shows nothing new.
         attempt: number of the current attempt to connect again, 0 when connected.
         reconnects: times the connection was lost and found again.
         last_error: why the connection was lost last, empty if it never was.
@@ -80,6 +84,7 @@ class FrameSource(ABC):
         fps: nominal frames per second, in (0, 240].
         frame_count: frames that a recording announces, None when endless or unknown.
         is_live: True for a camera, which does not wait for its reader.
+        window: what turns in a virtual pan, None in every other source.
         end_reason: why `read` returned None; empty before that.
     """
 
@@ -89,6 +94,7 @@ class FrameSource(ABC):
     fps: float
     frame_count: int | None = None
     is_live: bool = False
+    window: PanWindow | None = None
     end_reason: str = ""
 
     @abstractmethod

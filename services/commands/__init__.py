@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import typer
 
+from services.commands.calibrate import calibrate
 from services.commands.control import follow, resume, status, stop
 from services.commands.demo import demo
 from services.commands.run import run
+from services.commands.scenarios import scenarios
 from services.commands.schema import schema
 from services.commands.score import score
 from services.commands.track_detections import track_detections
@@ -18,6 +20,8 @@ def register_tools(app: typer.Typer) -> None:
     app.command()(run)
     app.command("eval")(score)
     app.command("track-detections")(track_detections)
+    app.command()(scenarios)
+    app.command()(calibrate)
     app.command()(follow)
     app.command()(stop)
     app.command()(resume)

@@ -91,13 +91,17 @@ def _ask(
 
 def follow(
     who: Annotated[
-        list[str], typer.Argument(help="an id, `nearest`, `none`, or X Y in pixels", metavar="WHO")
+        list[str],
+        typer.Argument(help="an id, `nearest`, `imprint`, `none`, or X Y in pixels", metavar="WHO"),
     ],
     connect: Connect = None,
     namespace: Namespace = None,
     config: Config = None,
 ) -> None:
-    """Choose whom the robot follows: `heel follow 7`, `nearest`, `none`, or a point `X Y`."""
+    """Choose whom the robot follows: `heel follow 7`, `nearest`, `none`, or a point `X Y`.
+
+    `imprint` takes the one person who then stands before the robot for two seconds.
+    """
     request = _request(who)
     with _session(connect, namespace, config) as session:
         target = _ask(session, keys.FOLLOW_TARGET, Target, request)
@@ -111,13 +115,15 @@ def _request(who: list[str]) -> TargetRequest:
     try:
         if len(who) == 2:
             return TargetRequest(mode="point", x_px=float(who[0]), y_px=float(who[1]))
-        if len(who) == 1 and who[0] in ("nearest", "none"):
+        if len(who) == 1 and who[0] in ("nearest", "imprint", "none"):
             return TargetRequest.model_validate({"mode": who[0]})
         if len(who) == 1:
             return TargetRequest(mode="id", track_id=int(who[0]))
     except ValueError:
         pass
-    raise SettingsError(f"{' '.join(who)!r}: give an id, `nearest`, `none`, or X Y in pixels")
+    raise SettingsError(
+        f"{' '.join(who)!r}: give an id, `nearest`, `imprint`, `none`, or X Y in pixels"
+    )
 
 
 def _shown(target: Target) -> str:

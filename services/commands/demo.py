@@ -1,4 +1,4 @@
-"""`heel demo`: a drawn scene through the real processes, the live page, and the scores."""
+"""`heel demo`: a simulated world, or a drawn scene, through the real processes."""
 
 from __future__ import annotations
 
@@ -6,26 +6,27 @@ import logging
 import sys
 import tempfile
 import webbrowser
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
-from schemas.errors import HeelError
+from schemas.errors import SettingsError
+from services.commands.drawn_demo import play_scene
 from services.commands.run import PARENT_EXIT_S
 from services.run.guard import guarded
 from services.run.options import RunOptions
 
-SCENE = "scene:demo"
+SCENARIO, SEED = "distractor-3", 4
 
 
 def demo(
     seconds: Annotated[
         float | None,
-        typer.Option(
-            help="end after so many seconds [default: Ctrl-C; one pass of "
-            "the scene without a terminal]"
-        ),
+        typer.Option(help="end after so many seconds [default: Ctrl-C; one episode without a "
+                     "terminal]"),
     ] = None,
     port: Annotated[int, typer.Option(help="port of the live page, 0 for any free one")] = 8470,
     out: Annotated[
@@ -33,62 +34,76 @@ def demo(
         typer.Option(help="folder for the results [default: a temporary one]", metavar="DIR"),
     ] = None,
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
-) -> None:
-    """Play a drawn scene through all services; needs no camera, no data, nothing else."""
+    scenario: Annotated[str, typer.Option(help="kind of episode")] = SCENARIO,
+    seed: Annotated[int, typer.Option(help="of the episode; each is another one", min=0)] = SEED,
+    perception: Annotated[
+        Literal["simulated-boxes", "pixels"],
+        typer.Option(help="who sees the people: the simulator itself, or the detector"),
+    ] = "simulated-boxes",
+    detector: Annotated[
+        str | None, typer.Option(help="how people are found in pixels: auto, mixture, ego, onnx")
+    ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="ONNX network that finds people", metavar="FILE")
+    ] = None,
+    scene: Annotated[
+        bool, typer.Option("--scene", help="play the drawn scene of a standing camera instead")
+    ] = False,
+) -> None:  # fmt: skip
+    """Follow a person through a simulated world; needs no camera, no data, nothing else."""
     folder = out if out is not None else Path(tempfile.mkdtemp(prefix="heel-demo-"))
     on_terminal = sys.stdout.isatty()
     loop = seconds is not None or on_terminal
-    options = RunOptions(
-        source=SCENE, out=folder, delivery="live", loop=loop, seconds=seconds, web_port=port,
-        on_page=lambda url: _show_page(url, browser and on_terminal, loop and seconds is None),
-    )  # fmt: skip
-    raise typer.Exit(guarded(lambda: _work(options)))
+    on_page = partial(_show_page, browser and on_terminal, loop and seconds is None)
+    if scene:
+        options = RunOptions(
+            source="scene:demo", out=folder, delivery="live", loop=loop, seconds=seconds,
+            web_port=port, on_page=on_page, detector=detector, model=model,
+        )  # fmt: skip
+        raise typer.Exit(guarded(lambda: play_scene(options)))
+
+    if perception == "simulated-boxes" and (detector is not None or model is not None):
+        raise SettingsError(
+            "--detector and --model look at pixels, and the people here are the simulator's own "
+            "boxes: add --perception pixels, or --scene"
+        )
+    looking = RunOptions(source="", out=folder, detector=detector, model=model).detector_flags()
+
+    def work() -> None:
+        _play_world(folder, scenario, seed, perception, loop, seconds, port, on_page, looking)
+
+    raise typer.Exit(guarded(work))
 
 
-def _work(options: RunOptions) -> None:
+def _play_world(
+    out: Path, scenario: str, seed: int, perception: Literal["simulated-boxes", "pixels"],
+    loop: bool, seconds: float | None, port: int, on_page: Callable[[str], None],
+    detector_flags: list[str],
+) -> None:  # fmt: skip
     # Imported here, in the guarded process: see `guarded`.
-    from services.run.distributed import DistributedRun
-    from services.run.report import print_summary
+    from services.run.world import WorldOptions, WorldRun
     from services.runtime.service import stop_signals
 
     logging.basicConfig(format="heel: %(message)s", level=logging.WARNING)
+    options = WorldOptions(out, scenario, seed, perception, loop, seconds, port, on_page,
+                           tuple(detector_flags))  # fmt: skip
     with stop_signals(PARENT_EXIT_S) as stopping:
-        summary = DistributedRun(options, stopping, logging.getLogger("heel.demo")).run()
-    print_summary(summary, options.out)
-    _print_scores(options.out)
+        figures = WorldRun(options, stopping, logging.getLogger("heel.demo")).run()
+    gap = "-" if figures.least_gap_m is None else f"{figures.least_gap_m:.2f} m"
+    share = figures.followed_s / figures.time_s if figures.time_s else 0.0
+    typer.echo(
+        f"{scenario}, from seed {seed}: {figures.time_s:.0f} s in {figures.episodes} episodes\n"
+        f"followed the scenario's person {figures.followed_s:.1f} s ({share:.0%}), "
+        f"anybody else {figures.wrong_s:.1f} s\n"
+        f"contacts {figures.contacts}, least gap to anybody {gap}, "
+        f"mean distance {figures.mean_distance_m:.2f} m, driven {figures.driven_m:.1f} m"
+    )
+    if perception == "simulated-boxes":
+        typer.echo("people are the simulator's own boxes, not seen in pixels")
+    typer.echo(f"results in {out}")
 
 
-def _show_page(url: str, browser: bool, endless: bool) -> None:
+def _show_page(browser: bool, endless: bool, url: str) -> None:
     typer.echo(f"live page: {url}" + ("  (Ctrl-C ends)" if endless else ""))
     if browser:
         webbrowser.open(url)
-
-
-def _print_scores(folder: Path) -> None:
-    """Score the first pass of the scene against what was drawn."""
-    from rich.console import Console
-
-    from evaluation.motchallenge import read_tracks
-    from evaluation.report import evaluate, scores_table
-    from services.pipeline import scene_truth
-
-    truth = scene_truth(SCENE)
-    (folder / "gt.txt").write_text("".join(truth.rows), encoding="ascii")
-    tracks = folder / "tracks.txt"
-    if not tracks.read_text(encoding="ascii"):
-        typer.echo("nobody was tracked: there is nothing to score")
-        return
-    last = int(read_tracks(tracks).frames.max())
-    scored = folder / "first-pass"
-    scored.mkdir(exist_ok=True)
-    for name in ("gt.txt", "tracks.txt"):
-        lines = (folder / name).read_text(encoding="ascii").splitlines(keepends=True)
-        limit = min(last, truth.frame_count)
-        kept = [line for line in lines if int(line.partition(",")[0]) <= limit]
-        (scored / name).write_text("".join(kept), encoding="ascii")
-    try:
-        scores = evaluate(scored / "gt.txt", scored / "tracks.txt")
-    except HeelError as error:
-        typer.echo(f"no scores: {error}")
-        return
-    Console().print(scores_table([scores.model_copy(update={"sequence": SCENE})]))

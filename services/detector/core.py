@@ -2,36 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, Evidence, FrameId, Tracks
-from schemas.blobs import MAX_BLOBS
-from services.detector.geometry import WorkSize
+from schemas import Blobs, FrameId, SettingsError, Tracks
+from services.detector.auto.foreground import AutoForeground
+from services.detector.background_detector import BackgroundDetector
+from services.detector.ego.foreground import EgoForeground
+from services.detector.interface import Factory, Frame, FrameDetector, added_detector
 from services.detector.mixture.foreground import MixtureForeground
 from services.detector.mog2.foreground import Mog2Foreground
-from services.detector.packing import pack
-from services.detector.regions import Foreground
+from services.detector.neural.detector import NeuralDetector
 from services.detector.settings import DetectorSettings
-
-SceneKey = tuple[str, int, int, int]
-"""Stream, epoch, width, height."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Scene:
-    """All that has to start over when the stream, the epoch or the size changes."""
-
-    key: SceneKey
-    size: WorkSize
-    foreground: Foreground
-    reason: str
 
 
 class Detector:
-    """Working size, foreground against a learned background, blobs with their pixels.
+    """The detector that the settings name.
 
     Usage:
         detector = Detector(DetectorSettings())
@@ -39,8 +27,13 @@ class Detector:
     """
 
     def __init__(self, settings: DetectorSettings) -> None:
+        """Make it.
+
+        Raises:
+            SettingsError: it is not known, or its model cannot be used.
+        """
         self.settings = settings
-        self._scene: _Scene | None = None
+        self._detector = _made(settings)
 
     def detect(
         self,
@@ -49,9 +42,9 @@ class Detector:
         source_size: tuple[int, int],
         feedback: Tracks | None,
     ) -> Blobs:
-        """Find the blobs of one frame and learn its background.
+        """Find the blobs of one frame and learn from it.
 
-        A new size, stream or epoch starts over with an empty background.
+        A new size, stream or epoch starts over.
 
         Args:
             frame: which frame this is.
@@ -60,45 +53,27 @@ class Detector:
             feedback: tracks of frame `seq - settings.feedback_lag_frames` or older, None when
                 there are none; tracks of another scene are ignored.
         """
-        scene = self._scene_of(frame, image)
-        small = scene.size.shrink(image)
-        seen = scene.foreground.look(small, frame, self._protecting(scene, feedback))
-        kept = seen.regions[:MAX_BLOBS]
-        return Blobs(
-            **frame.model_dump(include=set(FrameId.model_fields)),
-            width=scene.size.frame_width,
-            height=scene.size.frame_height,
-            source_width=source_size[0],
-            source_height=source_size[1],
-            blobs=pack(kept, small, scene.size),
-            blobs_left_out=len(seen.regions) - len(kept),
-            evidence=Evidence.from_array(seen.evidence),
-            detector=scene.foreground.name,
-            background="learning" if seen.learning else "valid",
-            background_reason=scene.reason if seen.learning else "",
-            protected_seq=seen.protected_seq,
-        )
-
-    def _scene_of(self, frame: FrameId, image: NDArray[np.uint8]) -> _Scene:
-        height, width = image.shape[:2]
-        key = (frame.stream, frame.epoch, width, height)
-        if self._scene is None or key != self._scene.key:
-            size = WorkSize.of_frame(width, height, self.settings.work_width_px)
-            model = MixtureForeground if self.settings.background == "mixture" else Mog2Foreground
-            reason = _reason(self._scene.key if self._scene else None, key)
-            self._scene = _Scene(key, size, model(size, self.settings), reason)
-        return self._scene
-
-    def _protecting(self, scene: _Scene, feedback: Tracks | None) -> Tracks | None:
-        if feedback is None or not self.settings.protect:
-            return None
-        of = (feedback.stream, feedback.epoch, feedback.width, feedback.height)
-        return feedback if of == scene.key else None
+        return self._detector.detect(Frame(frame, image, source_size, feedback))
 
 
-def _reason(before: SceneKey | None, now: SceneKey) -> str:
-    if before is None:
-        return "started"
-    if before[2:] != now[2:]:
-        return f"size changed from {before[2]}x{before[3]} to {now[2]}x{now[3]}"
-    return f"stream restarted: epoch {now[1]} of {now[0]}"
+def _automatic(settings: DetectorSettings) -> FrameDetector:
+    if settings.model is not None:
+        return NeuralDetector(settings)
+    return BackgroundDetector(AutoForeground, settings)
+
+
+_BUILT_IN: dict[str, Factory] = {
+    "auto": _automatic,
+    "mixture": partial(BackgroundDetector, MixtureForeground),
+    "mog2": partial(BackgroundDetector, Mog2Foreground),
+    "ego": partial(BackgroundDetector, EgoForeground),
+    "onnx": NeuralDetector,
+}
+
+
+def _made(settings: DetectorSettings) -> FrameDetector:
+    name = settings.detector
+    if settings.model is not None and name in ("mixture", "mog2", "ego"):
+        raise SettingsError(f"detector {name} takes no model: leave out --model, or use onnx")
+    factory = _BUILT_IN.get(name) or added_detector(name, list(_BUILT_IN))
+    return factory(settings)

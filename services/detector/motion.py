@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.detector.camera_motion import Affine, compose
+
 SPAN_S = 0.12
 """At 0.12 s a walking person's outline has moved by several working pixels, a camera has not."""
 
@@ -19,21 +21,44 @@ class FrameDifference:
     """Remembers the last frames and says where the newest differs from the one `SPAN_S` before."""
 
     def __init__(self) -> None:
-        self._past: deque[tuple[int, NDArray[np.uint8]]] = deque(maxlen=_MAX_FRAMES)
+        self._past: deque[tuple[int, NDArray[np.uint8], Affine]] = deque(maxlen=_MAX_FRAMES)
 
-    def update(self, image: NDArray[np.uint8], t_ns: int) -> NDArray[np.uint8]:
+    def update(
+        self, image: NDArray[np.uint8], t_ns: int, camera: Affine | None = None
+    ) -> NDArray[np.uint8]:
         """(H, W) uint8, 255 where it moves; nothing moves in the first frame.
 
         Args:
             image: (H, W, 3) uint8, smoothed; kept, so it must not be written to afterwards.
             t_ns: acquisition time.
+            camera: motion of the camera since the frame before; None if it stands still.
         """
+        if camera is not None:
+            self._past = deque(
+                ((then, picture, compose(camera, moved)) for then, picture, moved in self._past),
+                maxlen=_MAX_FRAMES,
+            )
         # Frame times jitter: a frame that is 5 % too young will do.
         while len(self._past) > 1 and t_ns - self._past[1][0] >= 0.95e9 * SPAN_S:
             self._past.popleft()
-        before = self._past[0][1] if self._past else image
-        self._past.append((t_ns, image))
+        before = image
+        if self._past:
+            before = self._past[0][1]
+            if camera is not None:
+                before = _carried(before, self._past[0][2], image)
+        self._past.append((t_ns, image, np.eye(2, 3)))
         return _moving(image, before)
+
+
+def _carried(
+    before: NDArray[np.uint8], motion: Affine, image: NDArray[np.uint8]
+) -> NDArray[np.uint8]:
+    """An older frame in the pixels of this one; what it did not show is this one's."""
+    size = (image.shape[1], image.shape[0])
+    return np.asarray(
+        cv2.warpAffine(before, motion, size, image.copy(), borderMode=cv2.BORDER_TRANSPARENT),
+        np.uint8,
+    )
 
 
 def _moving(image: NDArray[np.uint8], before: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas import FrameId, Tracks
+from services.detector.camera_motion import MotionEstimate
 
 Indices = NDArray[np.intp]
 """Positions in a flattened map, ascending."""
@@ -33,16 +34,35 @@ class Seen:
     """One frame as a background model sees it.
 
     Attributes:
-        evidence: (H, W) uint8 of NONE, SHADOW, FOREGROUND and MOVING.
+        evidence: (H, W) uint8 of NONE, SHADOW, FOREGROUND and MOVING; None where it cannot say.
         regions: foreground regions, largest first.
         learning: whether the model has only just started and is not to be believed yet.
         protected_seq: frame whose tracks were kept out of the model just now, if any.
+        motion: of the camera since the frame before, None where it is taken to stand still.
+        reason: why, where it cannot say.
     """
 
-    evidence: NDArray[np.uint8]
+    evidence: NDArray[np.uint8] | None
     regions: list[Region]
     learning: bool
     protected_seq: int | None
+    motion: MotionEstimate | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Learned:
+    """What is known of a background: with it another model goes on where one has ended.
+
+    Attributes:
+        mean: (H, W, 3) float32.
+        variance: (H, W) float32, grey levels squared.
+        known: (H, W) uint8, 255 where the background is known, else 0.
+    """
+
+    mean: NDArray[np.float32]
+    variance: NDArray[np.float32]
+    known: NDArray[np.uint8]
 
 
 class Foreground(Protocol):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -9,11 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from services.runtime.settings import ServiceSettings
 
 Preset = Literal["default", "paper"]
-Background = Literal["mixture", "mog2"]
 
 # The paper's own numbers, which nothing overrides, are in `mog2/numbers.py`.
 _PAPER: dict[str, Any] = {
-    "background": "mog2",
+    "detector": "mog2",
     "work_width_px": 768,
     "blur_px": 0,
     "shadow_ratio": 0.5,
@@ -31,9 +31,17 @@ class DetectorSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     preset: Preset = Field(default="default", description="paper: the published method as printed")
-    background: Background = Field(
-        default="mixture",
-        description="model of the background: mixture learns around people, mog2 is OpenCV's",
+    detector: Annotated[str, Field(pattern=r"^[a-z0-9_-]{1,64}$")] = Field(
+        default="auto",
+        description="mixture: background that learns around people; ego: carried along with a "
+        "moving camera; auto: whichever of the two holds, or the model where one is given; onnx: "
+        "the model; mog2: OpenCV's background; or one that another package adds",
+    )
+    model: Path | None = Field(
+        default=None, description="network that finds people, an ONNX file (onnx, auto)"
+    )
+    model_score: Annotated[float, Field(gt=0, lt=1)] = Field(
+        default=0.3, description="onnx: least score of a person"
     )
     work_width_px: Annotated[int, Field(ge=16, le=1024)] = Field(
         default=480, description="frames wider than this are shrunk before anything else, pixels"
@@ -47,6 +55,9 @@ class DetectorSettings(BaseModel):
     foreground_sigmas: Annotated[float, Field(ge=1, le=30)] = Field(
         default=3.2,
         description="mixture: distance from the background that is foreground, standard deviations",
+    )
+    carried_sigmas: Annotated[float, Field(ge=1, le=30)] = Field(
+        default=3.0, description="ego: the same, for the background that moves with the camera"
     )
     learning_rate_per_s: Annotated[float, Field(gt=0, le=10)] = Field(
         default=0.14, description="mixture: how fast the background follows the picture, 1/s"

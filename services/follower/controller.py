@@ -1,47 +1,162 @@
-"""Bearing and distance to velocity, within limits."""
+"""Where the person is and what is in the way, to velocity within limits."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
+from services.follower.clearance import speed_to_stop_within_mps
+from services.follower.limits import LimitedVelocity
 from services.follower.settings import FollowerSettings
+
+_BRAKING_SHARE = 0.7
+"""Of the braking limit that is planned with; the rest is for jerk and for what was not foreseen."""
+_STANDING_MPS = 0.15
+"""Slower people stand, as far as their estimate can tell."""
+_NEAR_M = 0.5
+_TOO_NEAR_M = 0.4
+"""Nearer than wished by so much, nobody is followed on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """The person to follow, as the robot will see them when its command takes effect.
+
+    Attributes:
+        place: metres ahead and to the left.
+        velocity: over ground, in the robot's axes.
+    """
+
+    place: tuple[float, float]
+    velocity: tuple[float, float]
+
+    @property
+    def distance_m(self) -> float:
+        """Along the ground."""
+        return math.hypot(*self.place)
+
+    @property
+    def bearing_rad(self) -> float:
+        """Left is positive."""
+        return math.atan2(self.place[1], self.place[0])
 
 
 class VelocityController:
-    """Proportional law with deadbands, speed limits and acceleration limits.
+    """Proportional law with feed-forward, deadbands and limits.
 
-    The forward speed falls with the cosine of the bearing, so that the robot turns first. A stop
-    is immediate: acceleration limits shape motion, they never prolong it.
+    Forward: `gain * (distance - wished) + speed of the person along the line of sight`, so that
+    somebody who walks steadily is followed without lagging behind. It falls with the bearing, so
+    that the robot turns first. Turning likewise. A stop is immediate: the limits on acceleration
+    and jerk shape motion, they never prolong it.
     """
 
     def __init__(self, settings: FollowerSettings) -> None:
-        self._settings = settings
-        self._linear_mps = 0.0
-        self._angular_radps = 0.0
+        s = self._settings = settings
+        self._linear = LimitedVelocity(s.max_linear_mps2, s.max_braking_mps2, s.max_linear_mps3)
+        self._angular = LimitedVelocity(
+            s.max_angular_radps2, s.max_angular_radps2, s.max_angular_radps3
+        )
+
+    @property
+    def linear_mps(self) -> float:
+        """What was told last."""
+        return self._linear.velocity
 
     def stop(self) -> tuple[float, float]:
         """Zero velocity at once."""
-        self._linear_mps = self._angular_radps = 0.0
+        self._linear.stop()
+        self._angular.stop()
         return 0.0, 0.0
 
-    def follow(self, distance_m: float, bearing_rad: float, dt_s: float) -> tuple[float, float]:
-        """Linear (m/s) and angular (rad/s) velocity for the next `dt_s` seconds."""
+    def follow(
+        self,
+        goal: Goal,
+        room_m: float,
+        room_behind_m: float,
+        sidestep_rad: float,
+        dt_s: float,
+        seen: bool = True,
+    ) -> tuple[float, float]:
+        """Linear (m/s) and angular (rad/s) velocity for the next `dt_s` seconds.
+
+        Args:
+            goal: the person.
+            room_m: how far the robot may go ahead, may be infinite.
+            room_behind_m: how far it may back off.
+            sidestep_rad: by how much to head beside the person.
+            dt_s: since the last command.
+            seen: whether the person is; after somebody who is not the robot goes no faster.
+        """
+        wished = self._wished_linear(goal)
+        wished = wished if seen else min(wished, max(self.linear_mps, 0.0))
+        linear = self._forward(wished, room_m, room_behind_m, dt_s)
+        angular = self._turn(self._wished_angular(goal, linear, sidestep_rad), dt_s)
+        return linear, angular
+
+    def brake_and_turn(self, angular_radps: float, dt_s: float) -> tuple[float, float]:
+        """Come to a stop as fast as the limits allow, and turn as told."""
+        return self._linear.towards(0.0, dt_s), self._turn(angular_radps, dt_s)
+
+    def turn(self, angular_radps: float, dt_s: float) -> tuple[float, float]:
+        """Turn on the spot."""
+        self._linear.stop()
+        return 0.0, self._turn(angular_radps, dt_s)
+
+    def turn_to(self, bearing_rad: float, at_most_radps: float) -> float:
+        """The turn rate that brings a direction before the robot, for `turn`."""
         s = self._settings
-        error_m = _outside(distance_m - s.distance_m, s.distance_deadband_m)
-        # Nothing is driven at what is more than 45 degrees off: the robot turns on the spot.
-        facing = max(0.0, math.cos(2.0 * bearing_rad)) if abs(bearing_rad) < math.pi / 4 else 0.0
-        linear = s.linear_gain_per_s * error_m * facing
-        linear = min(max(linear, -s.max_reverse_mps), s.max_linear_mps)
         angular = s.angular_gain_per_s * _outside(bearing_rad, s.bearing_deadband_rad)
-        angular = min(max(angular, -s.max_angular_radps), s.max_angular_radps)
-        self._linear_mps = _slew(self._linear_mps, linear, s.max_linear_mps2 * dt_s)
-        self._angular_radps = _slew(self._angular_radps, angular, s.max_angular_radps2 * dt_s)
-        return self._linear_mps, self._angular_radps
+        return min(max(angular, -at_most_radps), at_most_radps)
+
+    def _wished_linear(self, goal: Goal) -> float:
+        s = self._settings
+        distance_m, bearing_rad = goal.distance_m, goal.bearing_rad
+        error_m = _outside(distance_m - s.distance_m, s.distance_deadband_m)
+        away_mps = (
+            goal.place[0] * goal.velocity[0] + goal.place[1] * goal.velocity[1]
+        ) / max(distance_m, _NEAR_M)  # fmt: skip
+        # Nobody is hurried after from too near: how fast they walk is least sure there.
+        share = min(max(1.0 - (s.distance_m - distance_m) / _TOO_NEAR_M, 0.0), 1.0)
+        ahead_mps = share * _faded_in(away_mps, _STANDING_MPS)
+        wished = s.linear_gain_per_s * error_m + min(ahead_mps, away_mps)
+        # Nothing is driven at what is more than 45 degrees off: the robot turns on the spot.
+        return wished * max(0.0, math.cos(2.0 * bearing_rad)) * (abs(bearing_rad) < math.pi / 4)
+
+    def _wished_angular(self, goal: Goal, linear_mps: float, sidestep_rad: float) -> float:
+        """Bearing error, and how fast the person passes by; unreliable when they are near."""
+        s = self._settings
+        passing = goal.place[0] * goal.velocity[1] - goal.place[1] * (goal.velocity[0] - linear_mps)
+        passing_radps = passing / max(goal.distance_m, _NEAR_M) ** 2
+        error = _outside(goal.bearing_rad + sidestep_rad, s.bearing_deadband_rad)
+        return s.angular_gain_per_s * error + _outside(passing_radps, 0.05)
+
+    def _forward(self, wished: float, room_m: float, room_behind_m: float, dt_s: float) -> float:
+        s = self._settings
+        ahead, behind = self._allowed(room_m), self._allowed(room_behind_m)
+        wished = min(max(wished, -min(s.max_reverse_mps, behind)), min(s.max_linear_mps, ahead))
+        present = self._linear.velocity
+        room = room_m if present > 0 else room_behind_m
+        # Too late to brake within the limits: something has just appeared.
+        if present * present > 2 * s.max_braking_mps2 * room:
+            self._linear.stop()
+            return 0.0
+        return self._linear.towards(wished, dt_s)
+
+    def _turn(self, wished: float, dt_s: float) -> float:
+        limit = self._settings.max_angular_radps
+        return self._angular.towards(min(max(wished, -limit), limit), dt_s)
+
+    def _allowed(self, room_m: float) -> float:
+        s = self._settings
+        return speed_to_stop_within_mps(
+            room_m, _BRAKING_SHARE * s.max_braking_mps2, 2 * s.robot_delay_s
+        )
+
+
+def _faded_in(value: float, least: float) -> float:
+    """Nothing below `least`, all from twice that on; a mere deadband would lag behind walkers."""
+    return value * min(max(abs(value) / least - 1.0, 0.0), 1.0)
 
 
 def _outside(error: float, deadband: float) -> float:
     return math.copysign(max(0.0, abs(error) - deadband), error)
-
-
-def _slew(present: float, wished: float, step: float) -> float:
-    return present + min(max(wished - present, -step), step)

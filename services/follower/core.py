@@ -3,60 +3,72 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from schemas import (
+    CameraInfo,
     FollowState,
     FrameId,
-    HeelError,
     MotionCommand,
+    Odometry,
+    Ranges,
     Target,
     TargetRequest,
     Track,
     Tracks,
 )
 from schemas.follow import FollowStateName
-from services.follower import geometry
-from services.follower.controller import VelocityController
+from services.follower.controller import Goal, VelocityController
+from services.follower.own_motion import OwnMotion
+from services.follower.people import People
+from services.follower.search import Search
 from services.follower.settings import FollowerSettings
+from services.follower.sight import judge_sight
+from services.follower.states import Situation, next_state
+from services.follower.surroundings import Surroundings
+from services.follower.target import TargetChoice
 
 _MAX_STEP_S = 0.2
-
-
-class TargetError(HeelError):
-    """A target that cannot be chosen."""
 
 
 class Follower:
     """Turns tracks into motion commands for one chosen person.
 
-    Call `observe` for every tracks message and `step` at a fixed rate. It never changes to
-    another person by itself: a target that is gone stays chosen until somebody chooses anew.
+    Call `observe` for every tracks message, `observe_ranges` and `observe_odometry` where there
+    are any, and `step` at a fixed rate. It never changes to another person by itself: a target
+    that is gone stays chosen until somebody chooses anew.
     """
 
     def __init__(self, settings: FollowerSettings) -> None:
         self.settings = settings
         self._controller = VelocityController(settings)
-        self._fov_rad = math.radians(settings.horizontal_fov_deg)
+        self._people = People(settings.person_height_m, math.radians(settings.horizontal_fov_deg))
+        self._motion = OwnMotion(settings.robot_delay_s, settings.max_odometry_age_s)
+        self._surroundings = Surroundings(settings)
+        self._choice = TargetChoice(settings)
+        self._search: Search | None = None
         self._tracks: Tracks | None = None
-        self._tracker: str | None = None
-        self._target = Target(seq=0, mode=settings.target, reason="from the settings")
+        self._tracks_s = -math.inf
+        self._tracks_are_new = False
         self._estop = False
-        self._seen_s = -math.inf
+        self._forget_sight()
+        self._name: FollowStateName = "idle"
+        self._since_s = 0.0
         self._now_s: float | None = None
         self._seq = 0
         self.state = FollowState(
-            seq=0, state="idle", reason="started", estop=False, target=self._target,
+            seq=0, state="idle", reason="started", estop=False, target=self.target,
             linear_mps=0.0, angular_radps=0.0,
         )  # fmt: skip
 
     @property
     def target(self) -> Target:
         """What is being followed."""
-        return self._target
+        return self._choice.target
 
-    def set_field_of_view(self, horizontal_fov_rad: float) -> None:
-        """Use the camera's own field of view."""
-        self._fov_rad = horizontal_fov_rad
+    def set_camera(self, info: CameraInfo) -> None:
+        """Use what the camera says of itself: field of view, mounting height and pitch."""
+        self._people.set_camera(info)
 
     def set_estop(self, engaged: bool) -> None:
         """Engage or release the emergency stop; it holds whatever else happens."""
@@ -69,9 +81,29 @@ class Follower:
             tracks: the frame's people.
             tracker: the producer that gave out the ids; another one makes the chosen id void.
         """
-        if self._tracker not in (None, tracker) and self._target.track_id is not None:
-            self._choose("none", None, "the tracker was replaced: choose again")
-        self._tracks, self._tracker = tracks, tracker
+        if self._choice.tracker_is(tracker):
+            self._people.clear()
+            self._begin()
+        self._tracks, self._tracks_are_new = tracks, True
+
+    def observe_ranges(self, ranges: Ranges, now_s: float) -> None:
+        """Take free distances; from the first on, the robot moves only while they are fresh.
+
+        Args:
+            ranges: what a range sensor sees around the robot now.
+            now_s: time of arrival, on the clock of `step`.
+        """
+        self._surroundings.observe(ranges, now_s)
+        self._people.observe(ranges, now_s)
+
+    def observe_odometry(self, odometry: Odometry, now_s: float) -> None:
+        """Take the robot's own motion; without it the commands stand for it.
+
+        Args:
+            odometry: what the robot does now.
+            now_s: time of arrival, on the clock of `step`.
+        """
+        self._motion.odometry(odometry, now_s)
 
     def choose(self, request: TargetRequest) -> Target:
         """Choose or clear the target.
@@ -79,14 +111,9 @@ class Follower:
         Raises:
             TargetError: nobody is there, or the id is unknown or another tracker's.
         """
-        if request.mode == "none":
-            return self._choose("none", None, "cleared")
-        track = self._requested(request)
-        if track is None and request.mode == "nearest":
-            return self._choose("nearest", None, "waiting for the first person")
-        if track is None:
-            raise TargetError(_not_found(request))
-        return self._choose(request.mode, track.id, "chosen")
+        if self._choice.request(request, self._tracks):
+            self._begin()
+        return self.target
 
     def step(self, now_s: float, tracks_age_s: float | None) -> MotionCommand:
         """The command of this moment.
@@ -95,88 +122,117 @@ class Follower:
             now_s: monotonic or stream time, not before that of the last step.
             tracks_age_s: age of the newest tracks, None before the first.
         """
-        dt_s = 0.0 if self._now_s is None else min(_MAX_STEP_S, max(0.0, now_s - self._now_s))
+        now_s = now_s if self._now_s is None else max(now_s, self._now_s)
+        dt_s = 0.0 if self._now_s is None else min(_MAX_STEP_S, now_s - self._now_s)
         self._now_s = now_s
-        track = self._acquire()
-        state, reason = self._judge(track, now_s, tracks_age_s)
-        if state == "following" and track is not None and self._tracks is not None:
-            linear_mps, angular_radps = self._drive(track, self._tracks, dt_s)
-        else:
-            linear_mps, angular_radps = self._controller.stop()
-        self._remember(state, reason, tracks_age_s, linear_mps, angular_radps)
+        self._motion.advance(now_s)
+        self._take_tracks(now_s, tracks_age_s)
+        situation = self._situation(now_s, tracks_age_s)
+        name, reason = next_state(self._name, situation, self.settings)
+        self._enter(name, now_s)
+        linear_mps, angular_radps = self._drive(now_s, dt_s)
+        self._motion.told(now_s, linear_mps, angular_radps)
+        self._remember(reason, tracks_age_s, linear_mps, angular_radps)
         self._seq += 1
         return MotionCommand(
             seq=self._seq - 1, linear_mps=linear_mps, angular_radps=angular_radps,
-            ttl_s=self.settings.ttl_s, state=state, reason=reason, frame=self._frame(),
+            ttl_s=self.settings.ttl_s, state=name, reason=reason, frame=self._frame(),
         )  # fmt: skip
 
-    def _requested(self, request: TargetRequest) -> Track | None:
-        if self._tracks is None:
-            return None
-        if request.mode == "nearest":
-            return geometry.nearest(self._tracks)
-        if request.mode == "point" and request.x_px is not None and request.y_px is not None:
-            return geometry.at_point(self._tracks, request.x_px, request.y_px)
-        if request.tracker not in (None, self._tracker):
-            raise TargetError(
-                f"id {request.track_id} was given out by {request.tracker}, but {self._tracker} "
-                "is tracking now: choose again"
-            )
-        return next((t for t in self._tracks.tracks if t.id == request.track_id), None)
+    def _begin(self) -> None:
+        """Somebody else or nobody: what was known of the old one's sight means nothing."""
+        self._forget_sight()
+        self._name = "idle"
 
-    def _choose(self, mode: str, track_id: int | None, reason: str) -> Target:
-        self._target = Target.model_validate(
-            {"seq": self._target.seq + 1, "mode": mode, "track_id": track_id, "reason": reason,
-             "tracker": self._tracker if track_id is not None else None}
-        )  # fmt: skip
+    def _forget_sight(self) -> None:
         self._seen_s = -math.inf
-        return self._target
+        self._clear_since_s: float | None = None
 
-    def _acquire(self) -> Track | None:
-        """The chosen person's track; picks the first one where `nearest` still waits."""
-        if self._tracks is None:
-            return None
-        if self._target.mode == "nearest" and self._target.track_id is None:
-            first = geometry.nearest(self._tracks)
-            if first is not None:
-                self._choose("nearest", first.id, "the nearest person")
-        return next((t for t in self._tracks.tracks if t.id == self._target.track_id), None)
+    def _take_tracks(self, now_s: float, tracks_age_s: float | None) -> None:
+        if not self._tracks_are_new or self._tracks is None or tracks_age_s is None:
+            return
+        self._tracks_are_new = False
+        self._tracks_s = now_s - tracks_age_s
+        self._people.update(self._tracks, self._tracks_s, self._motion, self.target.track_id)
+        if tracks_age_s > self.settings.max_tracks_age_s:
+            self._choice.interrupted()
+        elif self._choice.settle(self._tracks, self._people.seen.values(), self._tracks_s):
+            self._begin()
 
-    def _judge(
-        self, track: Track | None, now_s: float, tracks_age_s: float | None
-    ) -> tuple[FollowStateName, str]:
-        """State and reason; only `following` moves."""
-        s = self.settings
-        if self._estop:
-            return "stopped", "emergency stop"
-        if self._target.mode == "none":
-            return "idle", self._target.reason[:96] or "no target"
-        if tracks_age_s is None:
-            return "acquiring", "no tracks yet"
-        if not tracks_age_s <= s.max_tracks_age_s:
-            return "lost", f"tracks are older than {s.max_tracks_age_s:g} s"
-        if self._target.track_id is None:
-            return "acquiring", "nobody in sight"
-        if track is None or track.state == "lost" or not track.shown:
-            missing = now_s - self._seen_s > s.lost_after_s
-            return ("lost", "target lost") if missing else ("unsure", "target missed")
-        self._seen_s = now_s
-        if track.state == "occluded":
-            return "occluded", "target occluded"
-        if track.identity_confidence < s.min_identity_confidence:
-            return "unsure", "identity unsure"
-        return "following", "target in sight"
+    def _situation(self, now_s: float, tracks_age_s: float | None) -> Situation:
+        track, target = self._track(), self.target
+        sight, why = judge_sight(
+            track, target.track_id in self._people.seen,
+            self._name in ("following", "occluded"), self.settings,
+        )  # fmt: skip
+        if sight in ("clear", "doubtful"):
+            self._seen_s = self._tracks_s
+        if sight != "clear":
+            self._clear_since_s = None
+        elif self._clear_since_s is None:
+            self._clear_since_s = self._tracks_s
+        since_s = self._clear_since_s
+        return Situation(
+            estop=self._estop,
+            ranges_stale=self._surroundings.stale(now_s),
+            chosen=target.mode != "none",
+            chosen_reason=target.reason,
+            target_id=target.track_id,
+            tracks_age_s=tracks_age_s,
+            sight=sight,
+            sight_reason=why,
+            clear_s=0.0 if since_s is None else self._tracks_s - since_s,
+            unseen_s=now_s - self._seen_s,
+            searching_s=now_s - self._since_s if self._name == "searching" else 0.0,
+            looked_everywhere=target.track_id not in self._people.known
+            or (self._search is not None and self._search.over),
+        )
 
-    def _drive(self, track: Track, tracks: Tracks, dt_s: float) -> tuple[float, float]:
-        bearing_rad = track.bearing_rad
-        if bearing_rad is None:
-            bearing_rad = geometry.bearing_rad(track, tracks.width, self._fov_rad)
-        distance_m = track.distance_m
-        if distance_m is None:
-            distance_m = geometry.distance_m(
-                track, (tracks.width, tracks.height), self._fov_rad, self.settings.person_height_m
-            )
-        return self._controller.follow(distance_m, bearing_rad, dt_s)
+    def _enter(self, name: FollowStateName, now_s: float) -> None:
+        if name != self._name:
+            self._name, self._since_s, self._search = name, now_s, None
+        if name != "searching" or self._search is not None:
+            return
+        place = self._people.known[self.target.track_id or 0].filter
+        expected, pose = place.place_at(now_s), self._motion.pose
+        _, sideways = pose.turned(*place.velocity)
+        _, left = pose.seen(*expected)
+        side = math.copysign(1.0, sideways if abs(sideways) > 0.2 else left)
+        last_seen = place.place_at(place.t_s)
+        self._search = Search(pose, expected, last_seen, side, self.settings.search_sweep_rad)
+
+    def _drive(self, now_s: float, dt_s: float) -> tuple[float, float]:
+        """Velocity of the present state: only three of them move, and `searching` on the spot."""
+        if self._name == "searching" and self._search is not None:
+            bearing_rad = self._search.bearing_rad(self._motion.pose_soon())
+            rate = self._controller.turn_to(bearing_rad, self.settings.search_radps)
+            return self._controller.turn(rate, dt_s)
+        if self._name not in ("following", "occluded"):
+            return self._controller.stop()
+        goal = self._goal(now_s + self.settings.robot_delay_s)
+        if self._name == "occluded" and now_s - self._seen_s > self.settings.coast_s:
+            rate = self._controller.turn_to(goal.bearing_rad, self.settings.search_radps)
+            return self._controller.brake_and_turn(rate, dt_s)
+        people, target_id, pose = self._people, self.target.track_id, self._motion.pose
+        ahead_m, behind_m = self._surroundings.room_m(
+            people, target_id, pose, now_s, self.state.angular_radps
+        )
+        way = replace(pose, heading_rad=pose.heading_rad + goal.bearing_rad)
+        sidestep_rad = self._surroundings.sidestep_rad(
+            people, target_id, way, now_s, self.state.linear_mps
+        )
+        seen = self._name == "following"
+        return self._controller.follow(goal, ahead_m, behind_m, sidestep_rad, dt_s, seen)
+
+    def _goal(self, t_s: float) -> Goal:
+        """The chosen person as seen when what is told now takes effect."""
+        place = self._people.known[self.target.track_id or 0].filter
+        pose = self._motion.pose_soon()
+        return Goal(pose.seen(*place.place_at(t_s)), pose.turned(*place.velocity))
+
+    def _track(self) -> Track | None:
+        tracks = () if self._tracks is None else self._tracks.tracks
+        return next((track for track in tracks if track.id == self.target.track_id), None)
 
     def _frame(self) -> FrameId | None:
         t = self._tracks
@@ -187,16 +243,19 @@ class Follower:
         )
 
     def _remember(
-        self, state: FollowStateName, reason: str, tracks_age_s: float | None,
-        linear_mps: float, angular_radps: float,
-    ) -> None:  # fmt: skip
+        self, reason: str, tracks_age_s: float | None, linear_mps: float, angular_radps: float
+    ) -> None:
+        now_s = self._now_s or 0.0
+        track, seen = self._track(), self._people.seen.get(self.target.track_id or 0)
+        ahead_m, left_m = (0.0, 0.0)
+        if seen is not None:
+            ahead_m, left_m = self._motion.pose.seen(*seen.filter.place_at(now_s))
+        free_m = self._surroundings.free_ahead_m(now_s)
         self.state = FollowState(
-            seq=self._seq, state=state, reason=reason, estop=self._estop, target=self._target,
+            seq=self._seq, state=self._name, reason=reason, estop=self._estop, target=self.target,
             tracks_age_s=tracks_age_s, linear_mps=linear_mps, angular_radps=angular_radps,
+            distance_m=None if seen is None else math.hypot(ahead_m, left_m),
+            bearing_rad=None if seen is None else math.atan2(left_m, ahead_m),
+            identity_confidence=None if track is None else track.identity_confidence,
+            obstacle_watch=free_m is not None, free_distance_m=free_m,
         )  # fmt: skip
-
-
-def _not_found(request: TargetRequest) -> str:
-    if request.mode == "id":
-        return f"nobody has id {request.track_id} now: see `heel status` for the ids in sight"
-    return f"nobody at ({request.x_px:g}, {request.y_px:g}): click on a person's box"

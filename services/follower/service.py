@@ -6,9 +6,12 @@ of a recording are the same every time.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
+from typing import TypeVar
 
 import zenoh
 
@@ -18,8 +21,11 @@ from schemas import (
     EStop,
     FollowState,
     HeelError,
+    Message,
     MessageError,
     MotionCommand,
+    Odometry,
+    Ranges,
     TargetRequest,
     Tracks,
     decode,
@@ -38,6 +44,11 @@ from services.runtime.streams import Received
 
 _STOP_REPEATS = 5
 """Zero commands sent on the way out, so that one lost message cannot keep a robot rolling."""
+_STATE_PERIOD_S = 0.2
+"""Distances and bearings are told that often while the state stays the same."""
+
+
+M = TypeVar("M", bound=Message)
 
 
 class FollowerService:
@@ -51,10 +62,18 @@ class FollowerService:
         self._lock = threading.Lock()
         self._newest: Received[Tracks] | None = None
         self._told: tuple[object, ...] = ()
+        self._told_s = -math.inf
         camera, session = context.settings.camera, context.session
         self._tracks = context.subscribe("tracks", keys.tracks(camera), qos.TRACKS)
         context.inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
-        context.inbox.subscribe("info", keys.info(camera), qos.INFO)
+        self._live = context.settings.delivery == "live"
+        if self._live:
+            # In a lossless run the stream is the clock; what comes beside it has no place in it.
+            context.inbox.subscribe("info", keys.info(camera), qos.INFO)
+            self._ranges = context.subscribe("ranges", keys.ROBOT_RANGE, qos.RANGES, primary=False)
+            self._odometry = context.subscribe(
+                "odometry", keys.ROBOT_ODOMETRY, qos.ODOMETRY, primary=False
+            )
         self._out = context.publisher(keys.FOLLOW_COMMAND, qos.COMMAND)
         self._state = resources.enter_context(Latched(session, keys.FOLLOW_STATE, qos.STATE))
         self._estop = resources.enter_context(Latched(session, keys.FOLLOW_ESTOP, qos.ESTOP))
@@ -70,16 +89,18 @@ class FollowerService:
         self._catch_up()
         self._context.announce()
         try:
-            if self._context.settings.delivery == "lossless":
-                self._run_by_stream()
-            else:
+            if self._live:
                 self._run_by_timer()
+            else:
+                self._run_by_stream()
         finally:
             self._stop_robot()
 
     def _run_by_stream(self) -> None:
         for arrival in self._context.arrivals(self._tracks, self._out):
-            self._drain("estop", "info")
+            self._drain("estop")
+            if self._newest is None:
+                self._ask_camera()
             if self._observe(arrival) and self._newest is not None:
                 self._publish(self._newest.message.t_capture_ns * 1e-9, 0.0)
 
@@ -131,16 +152,19 @@ class FollowerService:
         age_s = 0.0 if self._newest is None else self._newest.age_s(time.monotonic())
         self._out.send(command, age_s)
         self._context.statistics.output(started_s, time.monotonic() - started_s, age_s)
-        self._tell(state)
+        self._tell(state, started_s)
 
-    def _tell(self, state: FollowState) -> None:
-        """Publish and log the state when it changes, and the target with it."""
+    def _tell(self, state: FollowState, now_s: float) -> None:
+        """Publish the state when it changes and now and then between; log changes only."""
         news = (state.state, state.reason, state.target, state.estop)
         if news == self._told:
+            if self._live and now_s - self._told_s >= _STATE_PERIOD_S:
+                self._told_s = now_s
+                self._state.set(state)
             return
         if not self._told or self._told[2] != state.target:
             self._target_out.put(encode(state.target), encoding=state.target.encoding())
-        self._told = news
+        self._told, self._told_s = news, now_s
         self._state.set(state)
         self._context.log.info("%s: %s (target %s)", state.state, state.reason,
                                state.target.track_id or state.target.mode)  # fmt: skip
@@ -153,11 +177,27 @@ class FollowerService:
         try:
             if arrival.topic == "estop":
                 self._take_estop(decode(EStop, arrival.payload, arrival.encoding))
-            else:
+            elif arrival.topic == "info":
                 self._take_info(decode(CameraInfo, arrival.payload, arrival.encoding))
+            elif arrival.topic == "ranges":
+                self._take_ranges(arrival)
+            else:
+                self._take_odometry(arrival)
         except MessageError as error:
             self._context.statistics.malformed += 1
             self._context.warn.warning(arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s)
+
+    def _take_ranges(self, arrival: Arrival) -> None:
+        received = self._ranges.message(arrival, Ranges)
+        if received is not None:
+            with self._lock:
+                self._follower.observe_ranges(received.message, _measured_s(received))
+
+    def _take_odometry(self, arrival: Arrival) -> None:
+        received = self._odometry.message(arrival, Odometry)
+        if received is not None:
+            with self._lock:
+                self._follower.observe_odometry(received.message, _measured_s(received))
 
     def _take_estop(self, estop: EStop) -> None:
         self._estop.keep(estop)
@@ -167,26 +207,28 @@ class FollowerService:
                                   estop.source)  # fmt: skip
 
     def _take_info(self, info: CameraInfo) -> None:
-        if info.horizontal_fov_rad is not None:
-            with self._lock:
-                self._follower.set_field_of_view(info.horizontal_fov_rad)
+        with self._lock:
+            self._follower.set_camera(info)
 
     def _catch_up(self) -> None:
         """Ask for latched values: a follower that restarts must not forget a stop."""
-        wanted = (keys.FOLLOW_ESTOP, EStop), (keys.info(self._context.settings.camera), CameraInfo)
-        for key, kind in wanted:
-            for reply in self._context.session.get(key, timeout=QUERY_TIMEOUT_S):
-                if reply.ok is None:
-                    continue
-                try:
-                    message = decode(kind, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
-                except MessageError as error:
-                    self._context.log.warning("%s: %s", key, error)
-                    continue
-                if isinstance(message, EStop) and message.engaged:
-                    self._take_estop(message)
-                elif isinstance(message, CameraInfo):
-                    self._take_info(message)
+        for estop in self._latched(keys.FOLLOW_ESTOP, EStop):
+            if estop.engaged:
+                self._take_estop(estop)
+        self._ask_camera()
+
+    def _ask_camera(self) -> None:
+        for info in self._latched(keys.info(self._context.settings.camera), CameraInfo):
+            self._take_info(info)
+
+    def _latched(self, key: str, kind: type[M]) -> Iterator[M]:
+        for reply in self._context.session.get(key, timeout=QUERY_TIMEOUT_S):
+            if reply.ok is None:
+                continue
+            try:
+                yield decode(kind, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
+            except MessageError as error:
+                self._context.log.warning("%s: %s", key, error)
 
     def _answer(self, query: zenoh.Query) -> None:
         """Serve `follow/target`: no payload reads, a `TargetRequest` chooses."""
@@ -210,9 +252,14 @@ class FollowerService:
             command = self._follower.step(time.monotonic(), None)
         command = command.model_copy(update={"reason": "the follower ends"})
         assert isinstance(command, MotionCommand)
-        if self._context.settings.delivery == "live":
+        if self._live:
             for _ in range(_STOP_REPEATS):
                 self._out.send(command, 0.0)
+
+
+def _measured_s(received: Received[M]) -> float:
+    """When the robot measured it, on this process's monotonic clock."""
+    return received.arrived_s - received.stamp.age_ns * 1e-9
 
 
 def serve(context: ServiceContext[FollowerServiceSettings]) -> None:

@@ -1,10 +1,10 @@
-"""Settings of the follower: geometry, control law, limits, timeouts."""
+"""Settings of the follower: whom, how near, how fast, and when not."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from services.runtime.settings import ServiceSettings, StrictSettings
 
@@ -12,7 +12,7 @@ from services.runtime.settings import ServiceSettings, StrictSettings
 class FollowerSettings(StrictSettings):
     """How a person is turned into motion."""
 
-    target: Literal["none", "nearest"] = Field(
+    target: Literal["none", "nearest", "imprint"] = Field(
         "none", description="what to follow from the start; people choose with `heel follow`"
     )
     rate_hz: float = Field(50.0, ge=5, le=200, description="motion commands per second")
@@ -20,34 +20,105 @@ class FollowerSettings(StrictSettings):
         0.5, gt=0, le=2, description="the robot stops this long after the last command"
     )
     max_tracks_age_s: float = Field(
-        0.3, gt=0, le=5, description="tracks of an older frame mean zero velocity"
+        0.22, gt=0, le=5, description="tracks of an older frame mean zero velocity"
     )
+    max_ranges_age_s: float = Field(
+        0.25, gt=0, le=5, description="ranges that were there once and are older mean zero velocity"
+    )
+    max_odometry_age_s: float = Field(
+        0.3, gt=0, le=5, description="older odometry is not used; the commands count then"
+    )
+
     min_identity_confidence: float = Field(
         0.6, ge=0, le=1, description="below this the robot waits"
     )
-    lost_after_s: float = Field(
-        1.0, ge=0, le=60, description="a target missing for so long is called lost"
+    resume_identity_confidence: float = Field(
+        0.7, ge=0, le=1, description="from this on it follows (again)"
     )
-    distance_m: float = Field(1.5, gt=0, le=20, description="wished distance to the person")
+    min_identity_lead: float = Field(
+        0.1, ge=0, le=1, description="confidence over the best other person; below it waits"
+    )
+    resume_identity_lead: float = Field(
+        0.2, ge=0, le=1, description="confidence over the best other person to follow (again)"
+    )
+    confirm_s: float = Field(
+        0.2, ge=0, le=10, description="how long a person has to be clearly in sight before moving"
+    )
+    coast_s: float = Field(
+        0.5,
+        ge=0,
+        le=2,
+        description="out of sight for less: follow on to where the person should "
+        "be by now; detectors miss people for so long now and then",
+    )
+    hold_s: float = Field(
+        1.0, ge=0, le=10, description="out of sight for less: brake, and turn after the person"
+    )
+    search_s: float = Field(
+        10.0, ge=0, le=120, description="longest search by turning on the spot; 0: none"
+    )
+    search_sweep_rad: float = Field(
+        0.6, ge=0, le=3.1, description="search to either side of where the person should be"
+    )
+    search_radps: float = Field(
+        0.8, ge=0, le=5, description="turn rate of searching and of turning after the hidden"
+    )
+    imprint_s: float = Field(
+        2.0, gt=0, le=60, description="imprint: how long one person has to stand before the robot"
+    )
+    imprint_distance_m: float = Field(2.5, gt=0, le=20, description="imprint: and how near")
+    imprint_half_angle_rad: float = Field(
+        0.35, gt=0, le=1.6, description="imprint: and how far off straight ahead at most"
+    )
+
+    distance_m: float = Field(1.6, gt=0, le=20, description="wished distance to the person")
+    personal_space_m: float = Field(
+        1.0, ge=0, le=5, description="never driven nearer to anybody who is in sight"
+    )
     person_height_m: float = Field(
         1.7, gt=0.5, le=2.5, description="assumed height, for the apparent distance"
     )
     horizontal_fov_deg: float = Field(
         60.0, gt=5, lt=175, description="field of view, where the camera does not state its own"
     )
-    linear_gain_per_s: float = Field(0.8, ge=0, le=10, description="speed per metre too far")
-    angular_gain_per_s: float = Field(1.5, ge=0, le=10, description="turn rate per radian off axis")
+    linear_gain_per_s: float = Field(1.0, ge=0, le=10, description="speed per metre too far")
+    angular_gain_per_s: float = Field(2.0, ge=0, le=10, description="turn rate per radian off axis")
     distance_deadband_m: float = Field(0.1, ge=0, le=2, description="error that is left alone")
     bearing_deadband_rad: float = Field(0.03, ge=0, le=1, description="error that is left alone")
-    max_linear_mps: float = Field(0.8, ge=0, le=5, description="speed limit, forward")
+
+    max_linear_mps: float = Field(1.8, ge=0, le=5, description="speed limit, forward")
     max_reverse_mps: float = Field(0.0, ge=0, le=5, description="speed limit, backward; 0 forbids")
-    max_angular_radps: float = Field(1.2, ge=0, le=10, description="turn rate limit")
-    max_linear_mps2: float = Field(
-        0.8, gt=0, le=20, description="acceleration limit; stops ignore it"
+    max_angular_radps: float = Field(1.5, ge=0, le=10, description="turn rate limit")
+    max_linear_mps2: float = Field(1.5, gt=0, le=20, description="limit for speeding up")
+    max_braking_mps2: float = Field(
+        2.5, gt=0, le=20, description="limit for slowing down; stops ignore it"
     )
+    max_linear_mps3: float = Field(10.0, gt=0, le=1000, description="jerk limit; stops ignore it")
     max_angular_radps2: float = Field(
-        3.0, gt=0, le=50, description="angular acceleration limit; stops ignore it"
+        4.0, gt=0, le=50, description="angular acceleration limit; stops ignore it"
     )
+    max_angular_radps3: float = Field(
+        40.0, gt=0, le=1000, description="angular jerk limit; stops ignore it"
+    )
+    robot_delay_s: float = Field(
+        0.1, ge=0, le=1, description="from a command to the robot's doing it"
+    )
+    robot_radius_m: float = Field(0.25, ge=0, le=3, description="of the robot as a disc")
+    obstacle_margin_m: float = Field(
+        0.15, ge=0, le=2, description="kept free around the robot, where ranges tell"
+    )
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        if self.resume_identity_confidence < self.min_identity_confidence:
+            raise ValueError(
+                "resume_identity_confidence is below min_identity_confidence: raise it"
+            )
+        if self.resume_identity_lead < self.min_identity_lead:
+            raise ValueError("resume_identity_lead is below min_identity_lead: raise it")
+        if self.distance_m < self.personal_space_m:
+            raise ValueError("distance_m is below personal_space_m: raise it or lower the other")
+        return self
 
 
 class FollowerServiceSettings(ServiceSettings, FollowerSettings):

@@ -16,6 +16,7 @@ from services.run.children import Children
 from services.run.collector import CONSUMER, Collector
 from services.run.options import RunOptions
 from services.run.outputs import RunOutputs
+from services.run.presence import await_present
 from services.run.progress import RunProgress
 from services.run.summary import RunSummary
 from services.runtime import process
@@ -23,7 +24,6 @@ from services.runtime.inbox import Inbox
 from services.runtime.logs import OncePerSecond
 from services.runtime.router import open_private_router
 
-_START_TIMEOUT_S = 30.0
 _STALL_TIMEOUT_S = 60.0
 _DRAIN_S = 8.0
 _LAST_WORDS_S = 1.0
@@ -46,6 +46,7 @@ class DistributedRun:
         Raises:
             HeelError: a service failed or hung; the files written so far are kept.
         """
+        process.keep_freed_memory()
         with ExitStack() as stack:
             outputs = stack.enter_context(RunOutputs(self._options.out))
             stack.callback(self.summary.write, self._options.out)
@@ -58,6 +59,7 @@ class DistributedRun:
             children = stack.enter_context(Children(self._options.out / "logs"))
             self._start(session, endpoint, children)
             progress = stack.enter_context(RunProgress(self._options.progress))
+            process.spare_from_collection()
             self._collect(inbox, collector, children, progress)
         return self.summary
 
@@ -65,40 +67,19 @@ class DistributedRun:
         o = self._options
         common = ["--connect", endpoint, "--exit-at-end", "--delivery", o.delivery]
         common += ["--config", str(o.config)] if o.config is not None else []
-        children.start("detector", *common, "--preset", o.preset)
+        children.start("detector", *common, *o.detector_flags())
         children.start("tracker", *common, "--preset", o.preset)
         children.start("follower", *common, "--target", o.target)
         wanted = {"detector", "tracker", "follower"}
         if o.web_port is not None:
             children.start("web", "--connect", endpoint, "--port", str(o.web_port))
             wanted.add("web")
-        self._await_present(session, children, wanted)
+        await_present(session, children, wanted, self._stop)
         self.summary.settings = _settings_in_force(session)
         credit = ["--await-consumers", CONSUMER, "--epoch", str(REPEATABLE_EPOCH)]
         children.start(
             "capture", *o.capture_flags(), *common, *(credit if o.delivery == "lossless" else [])
         )
-
-    def _await_present(self, session: zenoh.Session, children: Children, wanted: set[str]) -> None:
-        """Wait until every service has subscribed: a frame sent earlier would be lost."""
-        present: set[str] = set()
-        changed = threading.Event()
-
-        def seen(sample: zenoh.Sample) -> None:
-            present.add(str(sample.key_expr).split("/")[1])
-            changed.set()
-
-        watch = session.liveliness().declare_subscriber(keys.ALL_ALIVE, seen, history=True)
-        deadline_s = time.monotonic() + _START_TIMEOUT_S
-        while not present >= wanted and not self._stop.is_set():
-            changed.wait(_POLL_S)
-            changed.clear()
-            if (failure := children.failure()) is not None:
-                raise HeelError(failure)
-            if time.monotonic() > deadline_s:
-                missing = ", ".join(sorted(wanted - present))
-                raise HeelError(f"{missing} not up within {_START_TIMEOUT_S:g} s: see logs/")
-        watch.undeclare()  # type: ignore[no-untyped-call]
 
     def _collect(
         self, inbox: Inbox, collector: Collector, children: Children, progress: RunProgress

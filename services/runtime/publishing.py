@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
+from collections.abc import Iterator
+from typing import TypeVar
 
 import zenoh
+from zenoh.shm import ZShmMut
 
-from schemas import EndOfStream, Message, Stamp, encode
+from schemas import EndOfStream, Message, MessageError, Stamp, decode, encode
 from schemas.base import MAX_AGE_NS
 from services.runtime.qos import Delivery, TopicQos
+
+_ASK_TIMEOUT_S = 1.0
+"""Below the deadline for ending: a service that is told to end while it asks ends in time."""
+M = TypeVar("M", bound=Message)
 
 
 class StreamPublisher:
@@ -40,7 +48,7 @@ class StreamPublisher:
         stamp = Stamp(producer=self._producer, t_sent_ns=time.time_ns(), age_ns=age_ns)
         self.send_bytes(encode(message), message.encoding(), encode(stamp))
 
-    def send_bytes(self, payload: bytes, encoding: str, attachment: bytes) -> None:
+    def send_bytes(self, payload: bytes | ZShmMut, encoding: str, attachment: bytes) -> None:
         """Send bytes that are coded already."""
         self._publisher.put(payload, encoding=encoding, attachment=attachment)
 
@@ -95,3 +103,19 @@ class Latched:
     def __exit__(self, *_: object) -> None:
         self._queryable.undeclare()  # type: ignore[no-untyped-call]
         self._publisher.undeclare()  # type: ignore[no-untyped-call]
+
+
+def latched_values(
+    session: zenoh.Session, key: str, kind: type[M], log: logging.Logger
+) -> Iterator[M]:
+    """Ask once for what is latched under `key`; answers that are no `kind` are logged.
+
+    Comes to its end within a second, whoever does not answer.
+    """
+    for reply in session.get(key, timeout=_ASK_TIMEOUT_S):
+        if reply.ok is None:
+            continue
+        try:
+            yield decode(kind, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
+        except MessageError as error:
+            log.warning("%s: %s", key, error)

@@ -31,9 +31,10 @@ from schemas import (
 from schemas.image import MAX_IMAGE_BYTES
 
 Delivery = Literal["live", "lossless"]
-LOSSLESS_WINDOW_FRAMES = 8
-"""Frames in flight in a lossless run; credits keep the sender within it."""
-LOSSLESS_CAPACITY = 8 * LOSSLESS_WINDOW_FRAMES
+LOSSLESS_WINDOW_FRAMES = 4
+"""Frames in flight in a lossless run; credits keep the sender within it. The detector works at most
+three frames ahead of the last tracks and the next frame waits for it: more are no faster."""
+LOSSLESS_CAPACITY = 16 * LOSSLESS_WINDOW_FRAMES
 """Ring size of lossless receivers: never reached while senders respect the window."""
 
 
@@ -62,7 +63,7 @@ _BLOCK = zenoh.CongestionControl.BLOCK
 _BLOCK_FIRST = zenoh.CongestionControl.BLOCK_FIRST
 _P = zenoh.Priority
 
-IMAGE = TopicQos(_P.DATA_LOW, _BLOCK_FIRST, False, 1, MAX_IMAGE_BYTES)
+IMAGE = TopicQos(_P.DATA_LOW, _BLOCK_FIRST, True, 1, MAX_IMAGE_BYTES)
 BLOBS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Blobs.max_bytes)
 TRACKS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Tracks.max_bytes)
 COMMAND = TopicQos(_P.REAL_TIME, _DROP, True, 1, MotionCommand.max_bytes)

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from schemas.errors import HeelError, SettingsError
 from services.runtime.logs import set_up_logging
-from services.runtime.process import die_with_parent
+from services.runtime.process import die_with_parent, may_lock_memory
 from services.runtime.service import stop_signals
 from services.runtime.session import LEASE_MS, QUERY_TIMEOUT_S
 from services.runtime.settings import Endpoints, Loaded, StrictSettings
@@ -61,7 +61,7 @@ def router_config(settings: RouterSettings) -> zenoh.Config:
         ("scouting/multicast/enabled", False),
         ("queries_default_timeout", int(QUERY_TIMEOUT_S * 1000)),
         ("transport/link/tx/lease", LEASE_MS),
-        ("transport/shared_memory/enabled", settings.shared_memory),
+        ("transport/shared_memory/enabled", settings.shared_memory and may_lock_memory()),
         ("transport/shared_memory/transport_optimization/messages", ["put"]),
     ]
     if settings.users_file is not None:

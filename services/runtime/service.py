@@ -57,6 +57,8 @@ class ServiceContext(Generic[S]):
     statistics: ServiceStatistics
     log: logging.Logger
     producer: str
+    shared_memory: bool
+    """Whether large messages are to go through shared memory."""
     stop: threading.Event
     announce: Callable[[], None]
     """Call once subscriptions are declared: from then on the service counts as present."""
@@ -118,9 +120,7 @@ def stop_signals(exit_deadline_s: float = EXIT_DEADLINE_S) -> Iterator[threading
     def on_signal(_number: int, _frame: object) -> None:
         if not stop.is_set():
             stop.set()
-            watchdog = threading.Timer(exit_deadline_s, _end_by_force)
-            watchdog.daemon = True
-            watchdog.start()
+            end_within(exit_deadline_s)
 
     previous = {
         number: signal.signal(number, on_signal) for number in (signal.SIGTERM, signal.SIGINT)
@@ -130,6 +130,13 @@ def stop_signals(exit_deadline_s: float = EXIT_DEADLINE_S) -> Iterator[threading
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
+
+
+def end_within(deadline_s: float) -> None:
+    """See to it that this process ends, with exit code 1 if it takes longer than the deadline."""
+    watchdog = threading.Timer(deadline_s, _end_by_force)
+    watchdog.daemon = True
+    watchdog.start()
 
 
 def _end_by_force() -> None:
@@ -179,16 +186,19 @@ def _serve(
         inbox = stack.enter_context(Inbox(session))
 
         def announce() -> None:
+            process.spare_from_collection()
             token = session.liveliness().declare_token(keys.alive(name, settings.instance))
             stack.callback(token.undeclare)
             log.info("%s is up", producer)
 
         health.start()
-        main(
-            ServiceContext(
-                name, settings, session, inbox, statistics, log, producer, stop, announce
-            )
-        )
+        context = ServiceContext(
+            name, settings, session, inbox, statistics, log, producer,
+            loaded.zenoh.shared_memory and process.may_lock_memory(), stop, announce,
+        )  # fmt: skip
+        if loaded.zenoh.shared_memory and not context.shared_memory:
+            log.info("no shared memory: this user may lock too little (ulimit -l); using sockets")
+        main(context)
         log.info("%s ends: received %d, sent %d, dropped %d, malformed %d", producer,
                  statistics.received, statistics.sent, statistics.dropped,
                  statistics.malformed)  # fmt: skip

@@ -150,8 +150,17 @@ class StreamJudge:
             self.statistics.shared_memory = arrival.by_shared_memory
 
     def _current(self, producer: str, frame: FrameId, arrival: Arrival) -> bool:
+        accepted = self.gate.accepts(producer, arrival.arrived_s)
+        self.report_rivals(arrival)
+        if not accepted or not self.watch.fresh(frame):
+            return False
+        if self.primary:
+            self.statistics.dropped = self.watch.missing
+        return True
+
+    def report_rivals(self, arrival: Arrival) -> None:
+        """Say in health whether a second producer is heard, once the gate has judged."""
         now_s = arrival.arrived_s
-        accepted = self.gate.accepts(producer, now_s)
         rivals = self.gate.rivals(now_s)
         reason = (
             f"two producers on {arrival.key}: {self.gate.current} (in use) and "
@@ -161,8 +170,3 @@ class StreamJudge:
         )
         if self.statistics.problem(f"rivals-{self.topic}", reason) and reason:
             self.warn.warning(f"rivals-{self.topic}", reason, now_s)
-        if not accepted or not self.watch.fresh(frame):
-            return False
-        if self.primary:
-            self.statistics.dropped = self.watch.missing
-        return True

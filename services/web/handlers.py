@@ -33,6 +33,7 @@ STATIC_FILES = {
     "app.js": "text/javascript",
     "picture.js": "text/javascript",
     "panel.js": "text/javascript",
+    "above.js": "text/javascript",
     "link.js": "text/javascript",
     "icon.svg": "image/svg+xml",
 }
@@ -186,8 +187,8 @@ async def _send(socket: web.WebSocketResponse, viewer: Viewer) -> None:
         while not socket.closed:
             await viewer.news.wait()
             viewer.news.clear()
-            if (status := queue.take_status()) is not None:
-                await socket.send_str(status)
+            while (note := queue.take_note()) is not None:
+                await socket.send_str(note)
             if (taken := queue.take_frame()) is not None:
                 number, frame = taken
                 await socket.send_bytes(frame.pack(number, queue.dropped))

@@ -8,10 +8,13 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Literal
 
 from services.web.frames import ViewFrame
 from services.web.viewer import ViewerQueue
+
+NoteKind = Literal["status", "sim-world", "sim-truth"]
+"""JSON objects that viewers get beside the pictures; newcomers get the last of each kind."""
 
 
 class Viewer:
@@ -48,7 +51,8 @@ class Hub:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._lock = threading.Lock()
         self._frame: ViewFrame | None = None
-        self._status: dict[str, Any] | None = None
+        self._notes: dict[NoteKind, dict[str, Any]] = {}
+        self._kept: dict[NoteKind, str] = {}
         self._scheduled = False
         self._last_status: dict[str, Any] = {}
         self._last_status_s = time.monotonic()
@@ -68,10 +72,10 @@ class Hub:
             self._frame = frame
             self._wake()
 
-    def put_status(self, status: dict[str, Any]) -> None:
-        """Hand over a status, in place of one that has not been fetched yet."""
+    def put_note(self, kind: NoteKind, note: dict[str, Any]) -> None:
+        """Hand over a note, in place of one of its kind that has not been fetched yet."""
         with self._lock:
-            self._status = status
+            self._notes[kind] = note
             self._wake()
 
     def _wake(self) -> None:
@@ -83,17 +87,17 @@ class Hub:
     def _deliver(self) -> None:
         with self._lock:
             frame, self._frame = self._frame, None
-            status, self._status = self._status, None
+            notes, self._notes = self._notes, {}
             self._scheduled = False
-        text = None
-        if status is not None:
-            self._last_status, self._last_status_s = status, time.monotonic()
-            text = json.dumps(status, separators=(",", ":")) if self._viewers else None
+        if "status" in notes:
+            self._last_status, self._last_status_s = notes["status"], time.monotonic()
+        texts = {kind: json.dumps(note, separators=(",", ":")) for kind, note in notes.items()}
+        self._kept |= texts
         for viewer in self._viewers:
             if frame is not None:
                 viewer.queue.offer_frame(frame)
-            if text is not None:
-                viewer.queue.offer_status(text)
+            for kind, text in texts.items():
+                viewer.queue.offer_note(kind, text)
             viewer.news.set()
 
     @contextmanager
@@ -103,7 +107,8 @@ class Hub:
             yield None
             return
         viewer = Viewer()
-        viewer.queue.offer_status(json.dumps(self._last_status, separators=(",", ":")))
+        for kind, text in self._kept.items():
+            viewer.queue.offer_note(kind, text)
         viewer.news.set()
         self._viewers.add(viewer)
         self.viewer_count = len(self._viewers)

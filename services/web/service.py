@@ -9,6 +9,7 @@ from dataclasses import replace
 import cv2
 
 from schemas import (
+    DriveState,
     EndOfStream,
     EStop,
     FollowState,
@@ -22,16 +23,17 @@ from schemas import (
 )
 from services.runtime import qos
 from services.runtime.inbox import Arrival
+from services.runtime.latched import LatchedQuery
 from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from services.runtime.settings import Loaded
 from services.runtime.streams import StreamJudge
+from services.web.above import ViewFromAbove
 from services.web.control import Control
 from services.web.frames import ViewFrame, describe
 from services.web.guard import HostGuard
 from services.web.handlers import Site
 from services.web.hub import Hub
 from services.web.joiner import FrameJoiner, HeldImage, Joined
-from services.web.latched import LatchedQuery
 from services.web.picture import to_jpeg
 from services.web.rate import RateLimiter
 from services.web.server import ServerThread, listen
@@ -72,6 +74,8 @@ class WebService:
         inbox.subscribe("command", keys.FOLLOW_COMMAND, qos.COMMAND)
         inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
         inbox.subscribe("health", keys.ALL_HEALTH, qos.HEALTH)
+        inbox.subscribe("drive", keys.ROBOT_DRIVE, qos.DRIVE)
+        self._above = ViewFromAbove(context, hub)
 
     def _stream(self, topic: str, key: str, how: qos.TopicQos, primary: bool) -> StreamJudge:
         """A stream as viewers need it: live also where the pipeline runs lossless."""
@@ -99,8 +103,10 @@ class WebService:
             self._router_due_s = now_s + _ROUTER_PERIOD_S
             self._check_router()
         self._catch_up(now_s)
+        if self._router:
+            self._above.catch_up(now_s)
         self._control.repeat_stop(now_s)
-        self._hub.put_status(self._status(now_s))
+        self._hub.put_note("status", self._status(now_s))
 
     def _is_over(self) -> bool:
         # The last frames still wait for their tracks when the end of the images is announced.
@@ -125,6 +131,11 @@ class WebService:
                 case "health":
                     health = decode(Health, arrival.payload, arrival.encoding)
                     self._board.health(health, arrival.arrived_s)
+                case "drive":
+                    drive = decode(DriveState, arrival.payload, arrival.encoding)
+                    self._board.drive(drive, arrival.arrived_s)
+                case "sim-world" | "sim-truth":
+                    self._above.take(arrival)
                 case "command" if arrival.encoding != EndOfStream.encoding():
                     command = decode(MotionCommand, arrival.payload, arrival.encoding)
                     self._board.command(command, arrival.arrived_s)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from schemas import EndOfStream, FollowState, Header, Health, MotionCommand
+from schemas import DriveState, EndOfStream, FollowState, Header, Health, MotionCommand
 
 MAX_SERVICES = 32
+NOTICE = "notice"
+"""The detail of a service's health that the page shows as it is."""
+_NOTICE_LENGTH = 200
+_SILENT_AFTER_S = 5.0
 _FORGET_AFTER_S = 60.0
 
 
@@ -25,6 +29,7 @@ class StatusBoard:
         self._tracks_s: float | None = None
         self._ended: EndOfStream | None = None
         self._command: tuple[MotionCommand, float] | None = None
+        self._drive: tuple[DriveState, float] | None = None
         self._services: dict[tuple[str, str], tuple[Health, float]] = {}
         self.follower: FollowState | None = None
         """The follower's last word."""
@@ -52,6 +57,10 @@ class StatusBoard:
         """A motion command went by."""
         self._command = (command, now_s)
 
+    def drive(self, state: DriveState, now_s: float) -> None:
+        """The wheels were told something."""
+        self._drive = (state, now_s)
+
     def health(self, health: Health, now_s: float) -> None:
         """A service spoke of itself."""
         known = (health.service, health.instance)
@@ -73,6 +82,8 @@ class StatusBoard:
             "picture": self._compose_picture(now_s),
             "follower": self._compose_follower(),
             "command": self._compose_command(now_s),
+            "drive": self._compose_drive(now_s),
+            "notices": self._notices(now_s),
             "services": [
                 _compose_service(health, now_s - heard_s)
                 for _, (health, heard_s) in sorted(self._services.items())
@@ -111,6 +122,28 @@ class StatusBoard:
             "age_s": round(now_s - heard_s, 3),
             "ttl_s": command.ttl_s,
         }
+
+    def _compose_drive(self, now_s: float) -> dict[str, Any] | None:
+        if self._drive is None:
+            return None
+        state, heard_s = self._drive
+        return {
+            "state": state.state,
+            "reason": state.reason,
+            "driver": state.driver,
+            "linear_mps": round(state.linear_mps, 4),
+            "angular_radps": round(state.angular_radps, 4),
+            "age_s": round(now_s - heard_s, 3),
+        }
+
+    def _notices(self, now_s: float) -> list[str]:
+        """What services want to have said to whoever looks, while they live."""
+        return [
+            health.details[NOTICE][:_NOTICE_LENGTH]
+            for health, heard_s in self._services.values()
+            if NOTICE in health.details and health.state != "ended"
+            and now_s - heard_s < _SILENT_AFTER_S
+        ]  # fmt: skip
 
 
 def _compose_service(health: Health, silent_s: float) -> dict[str, Any]:

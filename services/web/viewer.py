@@ -1,4 +1,4 @@
-"""What waits for one viewer: the newest picture and the newest status, and nothing else.
+"""What waits for one viewer: the newest picture and the newest note of each kind, nothing else.
 
 A viewer acknowledges each picture it has drawn. Without that, several seconds of old pictures
 pile up in the kernel's socket buffers before a slow viewer is noticed.
@@ -19,7 +19,7 @@ class ViewerQueue:
     def __init__(self, max_in_flight: int = 2) -> None:
         self._max_in_flight = max_in_flight
         self._frame: ViewFrame | None = None
-        self._status: str | None = None
+        self._notes: dict[str, str] = {}
         self._sent = 0
         self._acknowledged = 0
         self.dropped = 0
@@ -31,14 +31,15 @@ class ViewerQueue:
             self.dropped += 1
         self._frame = frame
 
-    def offer_status(self, status: str) -> None:
-        """Put a status text in, in place of one that still waits."""
-        self._status = status
+    def offer_note(self, kind: str, text: str) -> None:
+        """Put a text in, in place of one of its kind that still waits."""
+        self._notes[kind] = text
 
-    def take_status(self) -> str | None:
-        """The status to send now, if there is one."""
-        status, self._status = self._status, None
-        return status
+    def take_note(self) -> str | None:
+        """The text to send now, if there is one."""
+        if not self._notes:
+            return None
+        return self._notes.pop(next(iter(self._notes)))
 
     def take_frame(self) -> tuple[int, ViewFrame] | None:
         """The picture to send now with its number, None if none waits or the viewer is behind."""

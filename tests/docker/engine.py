@@ -15,7 +15,7 @@ from typing import Any
 REPOSITORY = Path(__file__).resolve().parents[2]
 ENGINE_SCRIPT = REPOSITORY.parent / "shared" / "tools" / "docker_up.sh"
 IMAGE = "heel-follow:test"
-SERVICES = ("router", "capture", "detector", "tracker", "follower", "web")
+SERVICES = ("router", "capture", "detector", "tracker", "follower", "drive", "web")
 READER = Path(__file__).with_name("reader.py")
 
 

@@ -116,6 +116,14 @@ def test_recording_commands(tmp_path: Path) -> None:
     assert len(list((tmp_path / "plots").glob("*.png"))) == 2
 
 
+def test_the_drawn_scene_is_played_once_and_scored(tmp_path: Path) -> None:
+    for line in block_with("heel demo"):
+        done = run(f"{line} --port 0 --out {tmp_path}", tmp_path)
+        assert done.returncode == 0, f"{line}: {done.stderr}"
+        assert "live page: http://127.0.0.1:" in done.stdout
+        assert "MOTA" in done.stdout
+
+
 def test_one_service_each_and_the_commands_for_what_is_running(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     environment = {

@@ -77,7 +77,10 @@ def test_good_messages_still_pass_through_every_service(stack: Stack) -> None:
         network.collected(stack.session, keys.tracks("tracker")) as tracks,
         network.collected(stack.session, keys.FOLLOW_COMMAND) as commands,
     ):
-        for put in stack.next_messages().values():
+        messages = stack.next_messages()
+        # A follower that has had ranges stops for the lack of them: the tests below would not tell.
+        del messages["follower ranges"]
+        for put in messages.values():
             stack.send(put)
         sample = blobs.get(timeout=network.DEADLINE_S)
         assert decode(Blobs, sample.payload.to_bytes(), str(sample.encoding)).seq == stack.seq
@@ -142,7 +145,7 @@ def test_services_end_cleanly_within_two_seconds_of_a_signal(
                 running("-m", f"services.{name}", "--instance", "signals", "--camera", "signals",
                         "--connect", endpoint)
             )
-            for name in (*SERVICES, "capture")
+            for name in (*SERVICES, "capture", "drive")
         }  # fmt: skip
         for name, process in started.items():
             network.wait_until(lambda p=process: is_up(p), f"{name} up", 30.0)
@@ -160,7 +163,7 @@ def free_port() -> int:
         return port
 
 
-@pytest.mark.parametrize("service", SERVICES)
+@pytest.mark.parametrize("service", [*SERVICES, "drive"])
 def test_without_a_router_one_line_says_so(service: str) -> None:
     address = f"tcp/127.0.0.1:{free_port()}"
     code, out, err = finished(
@@ -194,7 +197,7 @@ def test_services_outlive_their_router_and_still_end_in_time() -> None:
         assert (code, took_s < 2.0) == (0, True), service.stderr()
 
 
-@pytest.mark.parametrize("service", SERVICES)
+@pytest.mark.parametrize("service", [*SERVICES, "drive"])
 def test_an_unknown_key_in_the_file_is_one_line(service: str, tmp_path: Path) -> None:
     file = tmp_path / "heel.toml"
     file.write_text(f"[{service}]\ncamra = 'front'\n")

@@ -18,6 +18,9 @@ from schemas import (
     Header,
     Health,
     Message,
+    MotionCommand,
+    Odometry,
+    Ranges,
     Stamp,
     Tracks,
     decode,
@@ -69,6 +72,9 @@ def good_messages(seq: int) -> dict[str, Put]:
     blobs = Blobs(**frame("tracker", seq), **_SIZE, detector="test")
     info = CameraInfo(stream="follower", epoch=1, **_SIZE, fps=25.0, source="test")
     released = EStop(engaged=False, source="test")
+    standing = Odometry(
+        seq=seq, x_m=0.0, y_m=0.0, heading_rad=0.0, linear_mps=0.0, angular_radps=0.0
+    )
     return {
         "detector tracks": good_message(seen["detector"], keys.tracks("detector")),
         "detector image": good_image(seq),
@@ -76,12 +82,15 @@ def good_messages(seq: int) -> dict[str, Put]:
         "follower tracks": good_message(seen["follower"], keys.tracks("follower")),
         "follower estop": good_message(released, keys.FOLLOW_ESTOP, stamped=False),
         "follower info": good_message(info, keys.info("follower"), stamped=False),
+        "follower odometry": good_message(standing, keys.ROBOT_ODOMETRY),
+        "follower ranges": good_message(Ranges(seq=seq, sectors=()), keys.ROBOT_RANGE),
     }
 
 
 _CAPS = {
     "image": MAX_IMAGE_BYTES, "tracks": Tracks.max_bytes, "blobs": Blobs.max_bytes,
-    "estop": EStop.max_bytes, "info": CameraInfo.max_bytes,
+    "estop": EStop.max_bytes, "info": CameraInfo.max_bytes, "command": MotionCommand.max_bytes,
+    "odometry": Odometry.max_bytes, "ranges": Ranges.max_bytes,
 }  # fmt: skip
 
 

@@ -22,13 +22,19 @@ from services.capture.scene.walks import (
     CROSSING,
     DEMO,
     OUTSIDE,
+    PACING,
     Path,
     Walk,
     choose_walks,
     duration_s,
 )
 
-_SCRIPTS: dict[str, tuple[Walk, ...]] = {"demo": DEMO, "crossing": CROSSING, "empty": ()}
+_SCRIPTS: dict[str, tuple[Walk, ...]] = {
+    "demo": DEMO,
+    "crossing": CROSSING,
+    "pacing": PACING,
+    "empty": (),
+}
 _NOISE_MARGIN_PX = 64
 _GOLDEN = 2654435769
 """2**32 divided by the golden ratio (Knuth, TAOCP 3, 6.4): multiples of it spread evenly."""
@@ -79,7 +85,8 @@ class Scene:
         """Frame `index` >= 0, a new (H, W, 3) uint8 BGR array."""
         bodies = self._bodies(index)
         image = self._background.copy()
-        paint_shadows(image, [body for _, body in bodies], self._camera)
+        if self.settings.shadows:
+            paint_shadows(image, [body for _, body in bodies], self._camera)
         waiting = list(self._occluders)
         for person, body in bodies:
             while waiting and waiting[0].z_m > body.stance.z_m:

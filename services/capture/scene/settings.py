@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-SceneName = Literal["demo", "crossing", "empty"]
+SceneName = Literal["demo", "crossing", "pacing", "empty"]
 
 
 class SceneSettings(BaseModel):
@@ -28,3 +28,4 @@ class SceneSettings(BaseModel):
     noise: float = Field(
         default=2.5, ge=0, le=20, description="standard deviation of the sensor noise, 8-bit levels"
     )
+    shadows: bool = Field(default=True, description="whether people cast shadows, as under the sun")

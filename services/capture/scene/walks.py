@@ -54,6 +54,9 @@ CROSSING = (
     Walk(0.4, 1.4, ((OUTSIDE, 7.6), (-OUTSIDE, 7.6))),
 )
 
+PACING = (Walk(0.0, 1.2, ((-0.6, 7.0), (0.6, 7.2), (-0.6, 7.0))),)
+"""Somebody who never leaves the picture: a robot has somebody to follow at any time."""
+
 
 def choose_walks(script: tuple[Walk, ...], people: int, rng: np.random.Generator) -> list[Walk]:
     """The first `people` walks of a script; further ones cross the picture at random."""

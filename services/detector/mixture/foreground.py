@@ -14,7 +14,7 @@ from services.detector.mixture.late import LateFrames
 from services.detector.mixture.model import BackgroundMixture
 from services.detector.mixture.startup import StillnessGate
 from services.detector.motion import FrameDifference, mark_moving
-from services.detector.regions import Indices, Region, Seen, regions_of, smoothed
+from services.detector.regions import Indices, Learned, Region, Seen, regions_of, smoothed
 from services.detector.settings import DetectorSettings
 
 _GHOST_FRAMES = 3
@@ -27,7 +27,11 @@ class MixtureForeground:
 
     name = "mixture"
 
-    def __init__(self, size: WorkSize, settings: DetectorSettings) -> None:
+    def __init__(
+        self, size: WorkSize, settings: DetectorSettings, learned: Learned | None = None
+    ) -> None:
+        """Start with nothing known, or with what another model has learned."""
+        self._learned = learned
         self._size = size
         self._settings = settings
         self._motion = FrameDifference()
@@ -55,9 +59,18 @@ class MixtureForeground:
             settings.learning_rate_per_s,
             settings.shadow_ratio,
         )
-        self._gate = StillnessGate(shape, t_ns, settings.startup_s)
+        known = None
+        if self._learned is not None:
+            self._model.resume(self._learned)
+            known, self._learned = self._learned.known, None
+        self._gate = StillnessGate(shape, t_ns, settings.startup_s, known)
         self._ghosts = GhostFinder(shape, t_ns)
         self._late = LateFrames(self._size, settings.feedback_lag_frames, t_ns)
+
+    @property
+    def learned(self) -> Learned:
+        """What is known by now; only after the first frame."""
+        return Learned(self._model.mean, self._model.variance, self._gate.known)
 
     def _learn(self, feedback: Tracks | None) -> int | None:
         protected_seq = None
@@ -73,7 +86,7 @@ class MixtureForeground:
         evidence = self._gate.correct(evidence, moving)
         evidence = mark_moving(np.asarray(cv2.medianBlur(evidence, _MEDIAN_PX), np.uint8), moving)
         if self._settings.dissolve_ghosts and self._frames % _GHOST_FRAMES == 0:
-            ghosts = self._ghosts.find(smooth, self._model.mean, _foreground(evidence), t_ns)
+            ghosts = self._ghosts.find(smooth, self._model.mean, foreground(evidence), t_ns)
             self._restart(smooth, ghosts)
         return evidence
 
@@ -87,11 +100,11 @@ def find_regions(evidence: NDArray[np.uint8], min_area_px: int) -> list[Region]:
 
     Small ones stay: a person cut up by a lamp post is put together by the tracker.
     """
-    closed = cv2.morphologyEx(_foreground(evidence), cv2.MORPH_CLOSE, _CLOSE)
+    closed = cv2.morphologyEx(foreground(evidence), cv2.MORPH_CLOSE, _CLOSE)
     regions = regions_of(np.asarray(closed, np.uint8))
     return [region for region in regions if region.area >= min_area_px]
 
 
-def _foreground(evidence: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def foreground(evidence: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """255 where FOREGROUND or MOVING, else 0."""
     return np.asarray(cv2.threshold(evidence, FOREGROUND - 1, 255, cv2.THRESH_BINARY)[1], np.uint8)

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.detector.camera_motion import Affine
 from services.detector.regions import Indices, indices_of
 
 SHARE = 0.6
@@ -30,6 +31,14 @@ class GhostFinder:
     def __init__(self, shape: tuple[int, int], t_ns: int) -> None:
         self._suspected_s = np.zeros(shape, np.float32)
         self._last_ns = t_ns
+
+    def move(self, affine: Affine) -> None:
+        """The camera has moved: (2, 3), old to new pixels."""
+        rows, columns = self._suspected_s.shape
+        self._suspected_s = np.asarray(
+            cv2.warpAffine(self._suspected_s, affine, (columns, rows), flags=cv2.INTER_NEAREST),
+            np.float32,
+        )
 
     def find(
         self,

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import FrameId, Track, Tracks
+from schemas import FrameId, Tracks
+from services.detector.free_mask import free_mask, shift_s
 from services.detector.geometry import WorkSize
 from services.detector.regions import Indices
 
@@ -22,7 +23,6 @@ MAX_SHIFT_S = 1.0
 """Tracks speak for frames at most this far from their own: beyond it a position is a guess."""
 
 _SPARE_FRAMES = 6
-_SIDE, _ABOVE, _BELOW = 0.25, 0.08, 0.06
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class LateFrames:
 
     def _release(self, waiting: _Waiting) -> LateFrame:
         frame, people = waiting.frame, self._tracks
-        if people is not None and abs(_shift_s(people, frame)) > MAX_SHIFT_S:
+        if people is not None and abs(shift_s(people, frame)) > MAX_SHIFT_S:
             people = None
         free = free_mask(people, frame, self._size)
         for index in waiting.forgotten:
@@ -97,39 +97,3 @@ class LateFrames:
         dt_s = max((frame.t_capture_ns - self._last_ns) * 1e-9, 1e-3)
         self._last_ns = frame.t_capture_ns
         return LateFrame(waiting.image, free, dt_s, None if people is None else people.seq)
-
-
-def free_mask(tracks: Tracks | None, frame: FrameId, size: WorkSize) -> NDArray[np.uint8]:
-    """(size.height, size.width) uint8: 0 under confirmed people and close by, else 255.
-
-    Args:
-        tracks: moved to the time of `frame` by their velocity.
-        frame: the frame that is to be protected.
-        size: the working size.
-    """
-    free = np.full((size.height, size.width), 255, np.uint8)
-    if tracks is not None:
-        shift_s = _shift_s(tracks, frame)
-        for track in tracks.tracks:
-            if track.state != "new":
-                free[_covered(track, shift_s, size)] = 0
-    return free
-
-
-def _shift_s(tracks: Tracks, frame: FrameId) -> float:
-    return (frame.t_capture_ns - tracks.t_capture_ns) * 1e-9
-
-
-def _covered(track: Track, shift_s: float, size: WorkSize) -> tuple[slice, slice]:
-    """Rows and columns under a box with a margin: feet and hair reach beyond it, arms swing."""
-    left, top, right, bottom = track.box_xyxy
-    shift_x, shift_y = (shift_s * velocity for velocity in track.velocity_pxps)
-    across, down = right - left, bottom - top
-    return (
-        _between(top + shift_y - _ABOVE * down, bottom + shift_y + _BELOW * down, size.scale_y),
-        _between(left + shift_x - _SIDE * across, right + shift_x + _SIDE * across, size.scale_x),
-    )
-
-
-def _between(first: float, last: float, scale: float) -> slice:
-    return slice(max(0, int(first / scale)), max(0, int(last / scale) + 1))

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.blobs import FOREGROUND, SHADOW
-from services.detector.regions import Indices, indices_of
+from services.detector.regions import Indices, Learned, indices_of
+from services.detector.shadow import is_shadow
 
 FloatMap = NDArray[np.float32]
 
@@ -24,7 +25,7 @@ VARIANCE_FLOOR = 9.0
 _VARIANCE_CEILING = 900.0
 _INITIAL_VARIANCE = 25.0
 _RESTART_WEIGHT = 0.1
-_SHADOW_BRIGHTEST = 0.97
+_RESUMED_FRAMES = 25
 _SHADOW_CHROMA2 = 81.0
 _MEAN_OF_CHANNELS = np.full((1, 3), 1.0 / 3.0, np.float32)
 
@@ -67,7 +68,8 @@ class BackgroundMixture:
         index = indices_of(far)
         if index.size:
             pixels = image.reshape(-1, 3).take(index, 0).astype(np.float32)
-            shadow = self._is_shadow(pixels, self.mean.reshape(-1, 3).take(index, 0))
+            means = self.mean.reshape(-1, 3).take(index, 0)
+            shadow = is_shadow(pixels, means, self._shadow_ratio, _SHADOW_CHROMA2)
             evidence.reshape(-1)[index[shadow]] = SHADOW
         return evidence
 
@@ -94,6 +96,17 @@ class BackgroundMixture:
         if index.size:
             self._challenge(image.reshape(-1, 3).take(index, 0), index, rate)
 
+    @property
+    def variance(self) -> FloatMap:
+        """(H, W), grey levels squared."""
+        return self._variance
+
+    def resume(self, learned: Learned) -> None:
+        """Go on with what another model has learned, as if it were a second old."""
+        self.mean[:] = learned.mean
+        np.clip(learned.variance, VARIANCE_FLOOR, _VARIANCE_CEILING, out=self._variance)
+        self._frames = max(self._frames, _RESUMED_FRAMES)
+
     def restart(self, image: NDArray[np.uint8], index: Indices) -> None:
         """Take the image as the background at these pixels."""
         self.mean.reshape(-1, 3)[index] = image.reshape(-1, 3)[index]
@@ -108,19 +121,6 @@ class BackgroundMixture:
         cv2.multiply(self._pixels, self._pixels, self._pixels)
         cv2.transform(self._pixels, _MEAN_OF_CHANNELS, self._distance2)
         np.multiply(self._variance, self._threshold2, out=self._limit)
-
-    def _is_shadow(self, pixels: FloatMap, means: FloatMap) -> NDArray[np.bool_]:
-        """Darker, of the same chromaticity; pixels and means are (N, 3).
-
-        T. Horprasert, D. Harwood, L. Davis, "A statistical approach for real-time robust
-        background subtraction and shadow detection", ICCV 1999.
-        """
-        norm = np.einsum("ij,ij->i", means, means) + 1.0
-        ratio = np.einsum("ij,ij->i", pixels, means) / norm
-        residual = pixels - ratio[:, None] * means
-        chroma2 = np.einsum("ij,ij->i", residual, residual)
-        darker = (ratio > self._shadow_ratio) & (ratio < _SHADOW_BRIGHTEST)
-        return np.asarray(darker & (chroma2 < _SHADOW_CHROMA2), np.bool_)
 
     def _challenge(self, colours: NDArray[np.uint8], index: Indices, rate: float) -> None:
         """Learn colours that are not the background at `index`; swap where they are as of now."""

@@ -26,20 +26,32 @@ _CLOSE = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (9, 17))
 class StillnessGate:
     """Says per pixel when the background is first known."""
 
-    def __init__(self, shape: tuple[int, int], t_ns: int, limit_s: float) -> None:
-        """Know nothing.
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        t_ns: int,
+        limit_s: float,
+        known: NDArray[np.uint8] | None = None,
+    ) -> None:
+        """Know nothing, or what another model has learned.
 
         Args:
             shape: height and width of the maps.
             t_ns: time of the first frame.
             limit_s: every pixel counts as known after this time: waving leaves never settle.
+            known: (H, W) uint8, 255 where the background is known already.
         """
-        self._known = np.zeros(shape, np.uint8)
+        self._known = np.zeros(shape, np.uint8) if known is None else known.copy()
         self._still_s = np.zeros(shape, np.float32)
         self._start_ns = self._last_ns = t_ns
         self._limit_s = limit_s
-        self._share = 0.0
+        self._share = float(np.count_nonzero(self._known)) / self._known.size
         self.done = False
+
+    @property
+    def known(self) -> NDArray[np.uint8]:
+        """(H, W) uint8, 255 where the background is known."""
+        return np.full_like(self._known, 255) if self.done else self._known
 
     @property
     def learning(self) -> bool:

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 
 from services.tracker.fitted.arrays import FloatMap, Floats, Foot
 from services.tracker.fitted.template import CLUTTER, Template, template
@@ -133,7 +134,7 @@ def _peaks_of(strip: FloatMap, shape: Template, threshold: float) -> list[_Peak]
         return []
     first = int(hot[0])
     part = strip[:, first : int(hot[-1]) + width]
-    total = np.asarray(cv2.matchTemplate(part, shape.weights, cv2.TM_CCORR))
+    total = _correlated(part, shape.weights)
     best, best_row = total.max(axis=0), total.argmax(axis=0)
     last = len(best) - 1
     return [
@@ -146,6 +147,26 @@ def _peaks_of(strip: FloatMap, shape: Template, threshold: float) -> list[_Peak]
         for i in np.flatnonzero(best > least)
         if best[i] >= best[max(i - 1, 0)] and best[i] >= best[min(i + 1, last)]
     ]
+
+
+def _correlated(strip: FloatMap, weights: FloatMap) -> FloatMap:
+    """Correlation where the template lies within the strip; (H, W, 2) and (h, w, 2) float32.
+
+    As one matrix product, of which the diagonals are summed. cv2.matchTemplate goes by way of
+    Fourier transforms, which for so narrow a strip takes 1.4 to 3.4 times as long.
+    """
+    height, width = weights.shape[0], 2 * weights.shape[1]
+    bands, columns = len(strip) - height + 1, strip.shape[1] - weights.shape[1] + 1
+    shifted: FloatMap = np.zeros((bands, width, len(strip)), np.float32)
+    for band in range(bands):
+        shifted[band, :, band : band + height] = weights.reshape(height, width).T
+    product = shifted.reshape(bands * width, -1) @ strip.reshape(len(strip), -1)
+    by_band = product.reshape(bands, width, -1)
+    band_step, row_step, column_step = by_band.strides
+    diagonals = as_strided(
+        by_band, (bands, columns, width), (band_step, 2 * column_step, row_step + column_step)
+    )
+    return np.asarray(diagonals.sum(axis=2), np.float32)
 
 
 def _without_overlap(peaks: Sequence[_Peak], step: int, line: HeightLine) -> list[Standing]:

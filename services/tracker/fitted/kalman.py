@@ -54,6 +54,13 @@ class FootFilter:
         push = push * self._acceleration * height_px
         self.covariance = move @ self.covariance @ move.T + push @ push.T
 
+    def carry(self, affine: Floats) -> None:
+        """Move with the picture: (2, 3), old to new working pixels."""
+        turn = np.kron(np.eye(2), affine[:, :2])
+        self.state = turn @ self.state
+        self.state[:2] += affine[:, 2]
+        self.covariance = turn @ self.covariance @ turn.T
+
     def correct(self, foot: Foot, deviation_px: float) -> None:
         """Take a measured foot point in."""
         total = self.covariance[:2, :2] + np.eye(2) * deviation_px**2

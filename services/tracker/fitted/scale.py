@@ -10,23 +10,20 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from services.tracker.fitted.arrays import FloatMap, Floats
 from services.tracker.fitted.coverage import explained_share, reduce, reduction
+from services.tracker.fitted.line import STEEPEST, WIDTH_RATIO, Line, refined
 
-WIDTH_RATIO = 0.37
-"""Width by height of a walking person's box, on average."""
 _TOLERANCE = 0.12
-_FLATTEST, _STEEPEST = 0.05, 2.5
+_FLATTEST = 0.05
 _SAMPLES = 150
 _CANDIDATES = 6
 _HORIZONS = (-0.45, -0.15, 0.1, 0.3, 0.5)
 """Tried when two samples stand too near each other to give a slope; image heights."""
 _APART = 0.1
-_HELD, _HELD_SHARE = 0.5, 0.005
 _ENOUGH = 0.35
 """Share of the evidence that a line has to explain before it is used."""
 _STEEPEST_USED = 0.6
@@ -39,40 +36,32 @@ _EVERY, _EVERY_SETTLED = 10, 25
 _REFINED_AT_ONCE = 8
 
 
-@dataclass(frozen=True)
-class Line:
-    """h(y) = slope * y + offset, working pixels."""
-
-    slope: float
-    offset: float
-    ratio: float = WIDTH_RATIO
-
-    def height(self, foot_row: float) -> float:
-        """Expected height at a foot row; never below 4."""
-        return max(self.slope * foot_row + self.offset, 4.0)
-
-
 class SceneScale:
     """Height line and whether it may be used.
 
+    Rows are kept as they were in the first frame: a camera that tilts moves all of them at once.
+
     Attributes:
-        line: the best so far.
         known: it may be used.
         refused: it was tried and may not; neither while none has been tried.
         typical: height of a person, working pixels.
     """
 
-    def __init__(self, image_height: int, smallest: float, seed: int = 0) -> None:
-        """Start without a line.
+    def __init__(
+        self, image_height: int, smallest: float, seed: int = 0, given: Line | None = None
+    ) -> None:
+        """Start without a line, or with one that stays.
 
         Args:
             image_height: rows of the working image.
             smallest: lowest person considered, working pixels.
             seed: of the sampling, so that equal input gives equal output.
+            given: a line known from elsewhere.
         """
         self.rows = image_height
         self.ratio = WIDTH_RATIO
-        self.line = self._anchor = Line(0.0, 0.0)
+        self._line = self._anchor = Line(0.0, 0.0)
+        self._shift = 0.0
         self.known = False
         self.refused = False
         self.typical = 0.15 * image_height
@@ -82,29 +71,46 @@ class SceneScale:
         self._people: dict[int, deque[tuple[float, float]]] = {}
         self._frame = 0
         self._refit: Iterator[bool] | None = None
+        self._given = given is not None
+        if given is not None:
+            self._line = self._anchor = given
+            self.typical = given.height(0.6 * image_height)
+            self.known = given.slope < _STEEPEST_USED
+            self.refused = not self.known
+
+    @property
+    def line(self) -> Line:
+        """The best so far, by the rows of the present frame."""
+        return self._line.moved(self._shift)
 
     @property
     def settled(self) -> bool:
-        """True once the line comes from tracked people instead of blobs."""
+        """True once the line comes from tracked people, or was given, instead of from blobs."""
+        if self._given:
+            return self.known
         votes = sum(map(len, self._people.values()))
         return len(self._people) >= _SETTLED_PEOPLE and votes >= _SETTLED_VOTES
 
     def height(self, foot_row: float) -> float:
         """Expected height at a foot row, working pixels; never below 4."""
-        return self.line.height(foot_row)
+        return self._line.height(foot_row - self._shift)
+
+    def move(self, shift: float) -> None:
+        """The camera has moved everything down by `shift` working pixels."""
+        self._shift += shift
 
     def spread(self) -> float:
         """Standard deviation of ln(height) around the line."""
-        return float(np.hypot(0.06, 0.035 * self.line.slope))
+        return float(np.hypot(0.06, 0.035 * self._line.slope))
 
     def add_blob(self, foot_row: float, height: float) -> None:
         """A clean person-shaped blob."""
-        self._blobs.append((foot_row, height))
+        self._blobs.append((foot_row - self._shift, height))
 
     def add_person(self, person: int, foot_row: float, height: float) -> None:
         """A tracked person whose height was measured in the open."""
         votes = self._people.setdefault(person, deque(maxlen=_PERSON_VOTES))
-        votes.append((foot_row, height))
+        votes.append((foot_row - self._shift, height))
         if len(self._people) > _PEOPLE:
             self._people.pop(next(iter(self._people)))
 
@@ -114,6 +120,8 @@ class SceneScale:
         A settled line is refitted a little every frame: at once it took 50 ms every 25th frame,
         which was the tracker's p99.
         """
+        if self._given:
+            return
         self._frame += 1
         if self._refit is None and self._is_due():
             self._refit = self._steps(evidence)
@@ -127,6 +135,7 @@ class SceneScale:
 
     def _steps(self, evidence: FloatMap) -> Iterator[bool]:
         """One refit in steps of a millisecond or two; yields False while there is more to do."""
+        shift = self._shift
         votes = [vote for votes in self._people.values() for vote in votes]
         data = np.array(votes if self.settled else [*self._blobs, *votes])
         if len(data) == 0:
@@ -143,7 +152,7 @@ class SceneScale:
             return
         scores = []
         for line in candidates:
-            scores.append(explained_share(reduced, step, line, self._smallest))
+            scores.append(explained_share(reduced, step, line.moved(shift), self._smallest))
             yield False
         self._choose(candidates, scores, typical)
 
@@ -156,13 +165,13 @@ class SceneScale:
         if self.known:  # in doubt the present line stays
             scores[0] = 1.1 * scores[0] + 0.02
         best = int(np.argmax(scores))
-        self.line = candidates[best]
+        self._line = candidates[best]
         if best > 0 or not self.known:
-            self._anchor = self.line
+            self._anchor = self._line
         self.typical = typical
         # A line once good stays, a better one of a low camera does not.
         enough = self.known or scores[best] > _ENOUGH
-        self.known = enough and self.line.slope < _STEEPEST_USED
+        self.known = enough and self._line.slope < _STEEPEST_USED
         self.refused = not self.known
 
     def _candidates(self, foot: Floats, height: Floats, chosen: list[Line]) -> Iterator[None]:
@@ -179,15 +188,17 @@ class SceneScale:
         predicted = np.maximum(table[:, :1] * foot + table[:, 1:], 0.03 * self.rows)
         error2 = np.minimum((height / predicted - 1.0) ** 2, _TOLERANCE**2)
         rows = np.percentile(foot, [5, 95]) + np.array([-0.1, 0.1]) * self.rows
-        for count, best in enumerate(np.argsort(error2.sum(axis=1), kind="stable"), 1):
-            inliers = error2[best] < _TOLERANCE**2
-            drawn = Line(float(table[best, 0]), float(table[best, 1]))
-            line = self._refine(drawn, foot[inliers], height[inliers])
-            if all(_differ(line, other, rows) for other in chosen):
-                chosen.append(line)
-            if len(chosen) >= _CANDIDATES:
-                return
-            if count % _REFINED_AT_ONCE == 0:
+        order = np.argsort(error2.sum(axis=1), kind="stable")
+        for start in range(0, len(order), _REFINED_AT_ONCE):
+            best = order[start : start + _REFINED_AT_ONCE]
+            drawn = [Line(float(slope), float(offset)) for slope, offset in table[best]]
+            agreeing = error2[best] < _TOLERANCE**2
+            for line in refined(drawn, foot, height, agreeing, self.rows):
+                if all(_differ(line, other, rows) for other in chosen):
+                    chosen.append(line)
+                if len(chosen) >= _CANDIDATES:
+                    return
+            if len(best) == _REFINED_AT_ONCE:
                 yield
 
     def _drawn(self, foot: Floats, height: Floats) -> list[tuple[float, float]]:
@@ -199,48 +210,17 @@ class SceneScale:
                 slope = height[i] / max(foot[i] - horizon, 1.0)
             else:
                 slope = (height[i] - height[j]) / (foot[i] - foot[j])
-            if _FLATTEST <= slope < _STEEPEST:
+            if _FLATTEST <= slope < STEEPEST:
                 lines.append((slope, height[i] - slope * foot[i]))
         return lines
 
     def _polished(self, foot: Floats, height: Floats) -> Line:
         """The present line refitted to the samples that agree with it."""
-        present = np.array([self.line.height(row) for row in foot])
+        present = np.array([self._line.height(row) for row in foot])
         inliers = np.abs(height / present - 1.0) < 1.5 * _TOLERANCE
         if inliers.sum() < max(6.0, 0.3 * len(foot)):
-            return self.line
-        return self._refine(self._anchor, foot[inliers], height[inliers])
-
-    def _refine(self, line: Line, foot: Floats, height: Floats) -> Line:
-        """Least absolute relative deviation, by reweighted least squares.
-
-        Two points of the line given hold it weakly where there are no samples.
-        """
-        if len(foot) < 4:
-            return line
-        row = float(np.median(foot))
-        ends = row + np.array([-0.25, 0.25]) * self.rows
-        held = np.array([max(line.height(end), 0.2 * line.height(row)) for end in ends])
-        foot, height = np.concatenate([foot, ends]), np.concatenate([height, held])
-        base: Floats = np.ones_like(foot)
-        base[-2:] = np.sqrt(_HELD + _HELD_SHARE * len(foot))
-        weight = base
-        slope, offset = 0.0, 0.0
-        for _ in range(6):
-            slope, offset = _least_squares(foot / height, 1.0 / height, weight * weight)
-            deviation = np.abs((slope * foot + offset) / height - 1.0)
-            weight = base / np.sqrt(np.maximum(deviation, 0.01))
-            weight[-2:] = base[-2:] / np.sqrt(0.05)
-        return Line(slope, offset) if 0.0 <= slope < _STEEPEST else line
-
-
-def _least_squares(u: Floats, v: Floats, weight: Floats) -> tuple[float, float]:
-    """a and b that bring a u + b v nearest to 1."""
-    wu, wv = weight * u, weight * v
-    uu, uv, vv = float(wu @ u), float(wu @ v), float(wv @ v)
-    su, sv = float(wu.sum()), float(wv.sum())
-    determinant = max(uu * vv - uv * uv, 1e-30)
-    return (su * vv - sv * uv) / determinant, (sv * uu - su * uv) / determinant
+            return self._line
+        return refined([self._anchor], foot, height, inliers[None], self.rows)[0]
 
 
 def _differ(a: Line, b: Line, rows: Floats) -> bool:

@@ -110,9 +110,10 @@ def marginals(log_odds: FloatArray, iterations: int = 12) -> FloatArray:
     """
     weight = np.exp(np.clip(log_odds, -50.0, 50.0))
     to_track = np.ones_like(weight)
+    # Sums over all but one; total less the one cancels to 0 where that one is 1e16 times the rest.
+    other_tracks, other_boxes = (1.0 - np.eye(count) for count in weight.shape)
     for _ in range(iterations):
-        product = weight * to_track
-        to_box = weight / (1.0 + product.sum(axis=1, keepdims=True) - product)
-        to_track = 1.0 / (1.0 + to_box.sum(axis=0, keepdims=True) - to_box)
+        to_box = weight / (1.0 + (weight * to_track) @ other_boxes)
+        to_track = 1.0 / (1.0 + other_tracks @ to_box)
     product = weight * to_track
     return np.asarray(product / (1.0 + product.sum(axis=1, keepdims=True)))

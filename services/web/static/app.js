@@ -1,5 +1,6 @@
 // Puts the parts together: frames to the picture, status to the panel, people's wishes to the service.
 
+import { Above } from "./above.js";
 import { Link } from "./link.js";
 import { Panel } from "./panel.js";
 import { Picture } from "./picture.js";
@@ -10,6 +11,7 @@ const TICK_MS = 200;
 
 const picture = new Picture(document.getElementById("picture"));
 const panel = new Panel((person) => followPerson(person));
+const above = new Above(document.getElementById("above"));
 const nextFrame = () => new Promise(requestAnimationFrame);
 
 const link = new Link(
@@ -18,10 +20,21 @@ const link = new Link(
     if (!bitmap) return;
     picture.show(header, bitmap);
     panel.showFrame(header, picture.people());
+    above.showFrame(header);
   },
-  (status) => panel.update(status),
+  {
+    status: (status) => {
+      panel.update(status);
+      above.showState(status.follower?.state);
+    },
+    "sim-world": (world) => above.showWorld(world),
+    "sim-truth": (truth) => above.showTruth(truth),
+  },
 );
-setInterval(() => panel.tick(link), TICK_MS);
+setInterval(() => {
+  panel.tick(link);
+  above.tick();
+}, TICK_MS);
 
 async function post(path, body = {}) {
   const response = await fetch(path, {

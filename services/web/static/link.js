@@ -8,11 +8,11 @@ export class Link {
   /**
    * @param {(header: object, bitmap: ImageBitmap|null) => Promise<void>} onFrame resolves once drawn;
    *   a null bitmap is a JPEG that the browser could not read
-   * @param {(status: object) => void} onStatus
+   * @param {Object<string, (note: object) => void>} onNote by the note's type
    */
-  constructor(onFrame, onStatus) {
+  constructor(onFrame, onNote) {
     this.onFrame = onFrame;
-    this.onStatus = onStatus;
+    this.onNote = onNote;
     this.connected = false;
     this.attempts = 0;
     this.retryAt = 0;
@@ -43,7 +43,8 @@ export class Link {
     this.attempts = 0;
     this.heardAt = performance.now();
     if (typeof data === "string") {
-      this.onStatus(JSON.parse(data));
+      const note = JSON.parse(data);
+      this.onNote[note.type]?.(note);
       return;
     }
     this.handled = this.handled.then(() => this.show(socket, data)).catch(console.error);

@@ -3,6 +3,7 @@
 import { colourOf } from "./picture.js";
 
 const SILENT_SERVICE_S = 3;
+const SILENT_DRIVE_S = 0.5;
 const UNCONFIRMED_S = 1;
 const RESUME_GUARD_MS = 700;
 const TOAST_MS = 4000;
@@ -11,6 +12,7 @@ const STATE_TONES = {
   following: "good", acquiring: "calm", idle: "wait", occluded: "warn", unsure: "warn",
   searching: "warn", lost: "bad", stopped: "bad",
 };
+const DRIVE_TONES = { driving: "good", waiting: "wait", stopped: "bad" };
 const element = (id) => document.getElementById(id);
 
 function put(node, text) {
@@ -31,7 +33,7 @@ export class Panel {
     this.status = null;
     this.statusAt = 0;
     this.drawn = [];
-    this.scales = { linear: 0.5, angular: 1 };
+    this.scales = { linear: 0.5, angular: 1, "drive-linear": 0.5, "drive-angular": 1 };
     this.wasStopped = false;
     this.unsentStop = "";
   }
@@ -40,8 +42,10 @@ export class Panel {
     this.status = status;
     this.statusAt = performance.now();
     put(element("camera"), status.camera);
+    this.showNotices();
     this.showStop();
     this.showFollower();
+    this.showDrive();
     this.showServices();
   }
 
@@ -66,6 +70,13 @@ export class Panel {
     this.wasStopped = this.stopped;
   }
 
+  showNotices() {
+    const wanted = this.status.notices.join("|");
+    if (wanted === this.shownNotices) return;
+    this.shownNotices = wanted;
+    element("notices").replaceChildren(...this.status.notices.map((notice) => make("p", notice)));
+  }
+
   showFollower() {
     const { follower, command, services } = this.status;
     const health = services.find((service) => service.service === "follower");
@@ -80,18 +91,31 @@ export class Panel {
     put(element("reason"), silent ? `no word for ${health.silent_s.toFixed(0)} s` : follower?.reason ?? "no follower has been heard yet");
     element("nearest").setAttribute("aria-pressed", String(target?.mode === "nearest"));
     element("none").setAttribute("aria-pressed", String(target?.mode === "none"));
-    this.gauge("linear", command, command?.linear_mps, "m/s", 1);
-    this.gauge("angular", command, command?.angular_radps, "rad/s", -1);
+    const old = !command || command.age_s > command.ttl_s;
+    this.gauge("linear", command?.linear_mps, old, "m/s", 1);
+    this.gauge("angular", command?.angular_radps, old, "rad/s", -1);
+  }
+
+  showDrive() {
+    const { drive } = this.status;
+    element("drive").hidden = !drive;
+    if (!drive) return;
+    const old = drive.age_s > SILENT_DRIVE_S;
+    const pill = element("drive-state");
+    put(pill, old ? "silent" : drive.state);
+    pill.dataset.tone = old ? "bad" : DRIVE_TONES[drive.state];
+    put(element("drive-reason"), old ? `no word for ${drive.age_s.toFixed(1)} s` : drive.reason);
+    this.gauge("drive-linear", drive.linear_mps, old, "m/s", 1);
+    this.gauge("drive-angular", drive.angular_radps, old, "rad/s", -1);
   }
 
   // Left on the bar is left for the robot, so a positive turn rate grows to the left.
-  gauge(name, command, value, unit, direction) {
+  gauge(name, value, old, unit, direction) {
     const bar = element(`${name}-bar`);
     const row = bar.closest(".gauge");
-    const old = !command || command.age_s > command.ttl_s;
     row.toggleAttribute("data-old", old);
     if (value === undefined || old) {
-      put(element(name), old && command ? "none" : "\u2013");
+      put(element(name), old && value !== undefined ? "none" : "\u2013");
       bar.style.width = "0";
       return;
     }

@@ -6,40 +6,51 @@ import numpy as np
 import pytest
 
 from services.capture.backoff import Backoff
-from services.capture.frozen import FrozenDetector
-from services.capture.pacing import Pacer
+from services.capture.frozen import NewsWatch
+from services.runtime.pacing import Pacer
 
-A = np.zeros((48, 64, 3), np.uint8)
+A = np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8)
 B = A.copy()
-B[5, 7, 1] = 1
+B[5, 7, 1] ^= 1
 """Differs in one sample of a row that the quick comparison does not look at."""
 
 
 @pytest.mark.parametrize(
-    ("frames", "frozen"),
+    ("frames", "first_came_at"),
     [
-        ([(A, 0.0)], [False]),
-        ([(A, 0.0), (A, 1.9), (A, 2.0)], [False, False, True]),
-        ([(A, 0.0), (A.copy(), 2.5)], [False, True]),
-        ([(A, 0.0), (B, 2.5)], [False, False]),
-        ([(A, 0.0), (A, 3.0), (B, 3.1), (B, 5.0), (B, 5.2)], [False, True, False, False, True]),
-        ([(A, 0.0), (A[:24], 2.5)], [False, False]),
+        ([(A, 0)], [0]),
+        ([(A, 0), (A, 190), (A, 200)], [0, 0, 0]),
+        ([(A, 0), (A.copy(), 250)], [0, 0]),
+        ([(A, 0), (B, 250)], [0, 250]),
+        ([(A, 0), (A, 300), (B, 310), (B, 500), (A, 520)], [0, 0, 310, 310, 520]),
+        ([(A, 0), (A[:24], 250)], [0, 250]),
     ],
     ids=["first", "same", "equal copy", "one sample differs", "thaws", "other size"],
 )
-def test_frozen_means_the_same_bytes_for_two_seconds(
-    frames: list[tuple[np.ndarray[tuple[int, int, int], np.dtype[np.uint8]], float]],
-    frozen: list[bool],
+def test_the_same_bytes_keep_the_time_at_which_they_came_first(
+    frames: list[tuple[np.ndarray[tuple[int, int, int], np.dtype[np.uint8]], int]],
+    first_came_at: list[int],
 ) -> None:
-    detector = FrozenDetector(after_s=2.0)
-    assert [detector.update(image, now_s) for image, now_s in frames] == frozen
+    watch = NewsWatch()
+    assert [watch.update(image, now_ns) for image, now_ns in frames] == first_came_at
+
+
+@pytest.mark.parametrize("level", [0, 128, 255])
+def test_a_picture_without_contrast_is_nothing_new_whatever_its_noise(level: int) -> None:
+    rng = np.random.default_rng(2)
+    watch = NewsWatch()
+    watch.update(A, 0)
+    for now_ns in (40, 80):
+        noisy = np.clip(level + rng.normal(0.0, 3.0, A.shape), 0, 255).astype(np.uint8)
+        assert watch.update(noisy, now_ns) == 0
+    assert watch.update(B, 120) == 120
 
 
 def test_a_reset_starts_the_count_anew() -> None:
-    detector = FrozenDetector(after_s=2.0)
-    detector.update(A, 0.0)
-    detector.reset()
-    assert not detector.update(A, 3.0)
+    watch = NewsWatch()
+    watch.update(A, 0)
+    watch.reset()
+    assert watch.update(A, 300) == 300
 
 
 def test_deadlines_do_not_drift() -> None:

@@ -161,10 +161,15 @@ def test_a_lost_camera_is_connected_again_and_both_are_told_once() -> None:
     assert first.released.is_set()
 
 
+def detailed(seed: int) -> NDArray[np.uint8]:
+    """A picture with contrast: one without shows nothing."""
+    return np.random.default_rng(seed).integers(0, 256, (48, 64, 3), np.uint8)
+
+
 def test_a_camera_that_repeats_the_same_bytes_is_reported_as_frozen() -> None:
     device = FakeDevice()
-    device.give(picture(0))
-    still = picture(5)
+    device.give(detailed(0))
+    still = detailed(5)
     with LiveSource("camera", connected_to(device), frozen_after_s=0.02) as source:
 
         def frozen_by_another() -> bool:
@@ -172,9 +177,25 @@ def test_a_camera_that_repeats_the_same_bytes_is_reported_as_frozen() -> None:
             return source.status.state == "frozen"
 
         wait_until(frozen_by_another)
-        device.give(picture(6))
+        device.give(detailed(6))
         wait_until(lambda: source.status.state == "connected")
         device.give(None)
+
+
+def test_a_picture_that_repeats_is_as_old_as_when_it_came_first() -> None:
+    """So a frozen camera goes stale for everybody behind it, within their own limits."""
+    device = FakeDevice()
+    device.give(detailed(0))
+    with LiveSource("camera", connected_to(device)) as source:
+        frames = [source.read(5.0)]
+        for number in (0, 0, 1):
+            device.give(detailed(number))
+            frames.append(source.read(5.0))
+        device.give(None)
+    acquired_ns = [frame.acquired_ns for frame in frames if frame is not None]
+    new_ns = [frame.new_ns for frame in frames if frame is not None]
+    assert acquired_ns == sorted(set(acquired_ns))
+    assert new_ns == [acquired_ns[0]] * 3 + [acquired_ns[3]]
 
 
 def test_a_camera_that_cannot_be_opened_at_first_is_refused_at_once() -> None:

@@ -36,7 +36,7 @@ def centre_x(row: Truth) -> float:
     return (row.box_xyxy[0] + row.box_xyxy[2]) / 2
 
 
-@pytest.mark.parametrize("name", ["demo", "crossing", "empty"])
+@pytest.mark.parametrize("name", ["demo", "crossing", "pacing", "empty"])
 def test_a_frame_depends_on_settings_and_index_only(name: str) -> None:
     settings = SceneSettings.model_validate({"name": name, "width": 160, "height": 120})
     one, other = Scene(settings), Scene(settings)

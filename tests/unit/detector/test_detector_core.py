@@ -20,7 +20,7 @@ from tests.unit.detector.drawn_scene import (
 )
 
 SIZE = (WIDTH, HEIGHT)
-MIXTURE, MOG2 = DetectorSettings(), DetectorSettings(background="mog2")
+MIXTURE, MOG2 = DetectorSettings(detector="mixture"), DetectorSettings(detector="mog2")
 BOTH = pytest.mark.parametrize("settings", [MIXTURE, MOG2], ids=["mixture", "mog2"])
 
 
@@ -59,7 +59,7 @@ def test_boxes_area_and_centroid_are_frame_pixels_at_any_working_size(
     work_width_px: int, background_model: str
 ) -> None:
     settings = DetectorSettings.model_validate(
-        {"work_width_px": work_width_px, "blur_px": 3, "background": background_model}
+        {"work_width_px": work_width_px, "blur_px": 3, "detector": background_model}
     )
     (blob,) = see([(100, 60, 40, 120)], settings).blobs
     assert blob.box_xyxy == pytest.approx((100, 60, 140, 180), abs=6)
@@ -99,7 +99,7 @@ def test_background_is_valid_after_the_start(settings: DetectorSettings) -> None
 
 @pytest.mark.parametrize("name", ["mixture", "mog2"])
 def test_names_the_background_model(name: str) -> None:
-    settings = DetectorSettings.model_validate({"background": name})
+    settings = DetectorSettings.model_validate({"detector": name})
     assert Detector(settings).detect(frame_id(0), frame_image(), SIZE, None).detector == name
 
 

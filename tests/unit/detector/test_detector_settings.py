@@ -33,6 +33,6 @@ def test_preset_gives_way_to_what_is_given_and_not_to_none() -> None:
     assert settings.protect is False
 
 
-@pytest.mark.parametrize(("preset", "background"), [("default", "mixture"), ("paper", "mog2")])
+@pytest.mark.parametrize(("preset", "background"), [("default", "auto"), ("paper", "mog2")])
 def test_preset_names_the_background(preset: str, background: str) -> None:
-    assert DetectorSettings.model_validate({"preset": preset}).background == background
+    assert DetectorSettings.model_validate({"preset": preset}).detector == background

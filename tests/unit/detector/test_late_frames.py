@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from schemas import Tracks
+from services.detector.free_mask import free_mask
 from services.detector.geometry import WorkSize
-from services.detector.mixture.late import LateFrames, free_mask
+from services.detector.mixture.late import LateFrames
 from tests.unit.detector.drawn_scene import HEIGHT, WIDTH, Person, frame_id, tracks_of
 
 SIZE = WorkSize.of_frame(WIDTH, HEIGHT, 480)

@@ -25,6 +25,7 @@ from tests.unit.detector.drawn_scene import (
 )
 
 SIZE = (WIDTH, HEIGHT)
+MIXTURE = DetectorSettings(detector="mixture")
 PERSON: Person = (100, 60, 40, 120)
 LEARNED = 45
 Evidence = NDArray[np.uint8]
@@ -44,7 +45,7 @@ def under(person: Person, evidence: Evidence) -> Evidence:
 def play(
     images: Iterable[NDArray[np.uint8]], settings: DetectorSettings | None = None
 ) -> list[Evidence]:
-    detector = Detector(settings or DetectorSettings())
+    detector = Detector(settings or MIXTURE)
     return [
         evidence_of(detector.detect(frame_id(seq), image, SIZE, None))
         for seq, image in enumerate(images)
@@ -91,13 +92,13 @@ def test_the_hole_of_a_person_who_was_there_from_the_start_dissolves(
     dissolve: bool, left_s: float
 ) -> None:
     images = scene(5, clothed(100)) + scene(left_s)
-    seen = play(images, DetectorSettings(dissolve_ghosts=dissolve))[-1]
+    seen = play(images, DetectorSettings(detector="mixture", dissolve_ghosts=dissolve))[-1]
     gone = dissolve or left_s > 10
     assert bool((under(PERSON, seen) >= FOREGROUND).mean() < 0.1) is gone
 
 
 def test_a_ghost_dissolves_although_a_track_protects_it() -> None:
-    detector = Detector(DetectorSettings())
+    detector = Detector(MIXTURE)
     images = scene(5, clothed(100)) + scene(1)
     for seq, image in enumerate(images):
         feedback = tracks_of(seq - 2, [PERSON]) if seq > 5 * FPS else None
@@ -157,7 +158,7 @@ def test_only_who_moves_is_moving() -> None:
 def walk_with_feedback(lag: int, skip: int = 0, every: int = 1) -> list[Evidence]:
     """A person who walks in, stands and walks on; feedback is the truth, `lag` frames late."""
     x = [*range(-40, 140, 6), *[140] * 40, *range(140, 300, 6)]
-    detector, seen = Detector(DetectorSettings(feedback_lag_frames=lag)), []
+    detector, seen = Detector(DetectorSettings(detector="mixture", feedback_lag_frames=lag)), []
     for seq, left in enumerate([None] * LEARNED + x):
         people: list[Person] = [] if left is None else [(max(0, left), 60, 40, 120)]
         told = (seq - lag) // every * every - LEARNED

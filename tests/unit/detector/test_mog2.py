@@ -50,7 +50,7 @@ def visible_after_standing(settings: DetectorSettings, frames: int, **track: obj
 def test_only_confirmed_people_who_move_are_kept_out_of_the_background(
     settings: dict[str, object], track: dict[str, object], frames: int, seen: bool
 ) -> None:
-    model = DetectorSettings.model_validate({"background": "mog2", **settings})
+    model = DetectorSettings.model_validate({"detector": "mog2", **settings})
     assert visible_after_standing(model, frames, **track) is seen
 
 

@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 
 from schemas import HeelError, MotionCommand, TargetRequest, Tracks
-from services.follower.core import Follower, TargetError
+from services.follower.core import Follower
 from services.follower.settings import FollowerSettings
+from services.follower.target import TargetError
 from tests.unit.follower.people import OTHER_TRACKER, TRACKER, person, tracks
+from tests.unit.follower.walking_world import INFO
 
 FAR = 60.0
 """Box height of somebody several metres too far away."""
@@ -28,11 +30,17 @@ def following(seen: Tracks | None = None, **settings: Any) -> Follower:
     return made
 
 
-def drive(made: Follower, seconds: float = 2.0, age_s: float = 0.0) -> MotionCommand:
-    """Step at 50 Hz with tracks of a constant age; the last command."""
+def drive(
+    made: Follower, seconds: float = 2.0, age_s: float = 0.0, seen: Tracks | None = None
+) -> MotionCommand:
+    """Step at 50 Hz, the same picture seen again each time with a constant age; last command."""
     start_s = 10.0 if made._now_s is None else made._now_s
-    steps = max(1, round(seconds * 50))
-    return [made.step(start_s + i * 0.02, age_s) for i in range(steps + 1)][-1]
+    seen = seen or made._tracks
+    for i in range(max(1, round(seconds * 50)) + 1):
+        if seen is not None and made._choice._tracker is not None:
+            made.observe(seen, made._choice._tracker)
+        command = made.step(start_s + i * 0.02, age_s)
+    return command
 
 
 def is_zero(command: MotionCommand) -> bool:
@@ -59,10 +67,12 @@ def test_the_robot_turns_towards_the_person_left_is_positive() -> None:
     assert left.angular_radps == pytest.approx(-right.angular_radps)
 
 
-def test_nobody_is_run_into() -> None:
+def test_nobody_is_run_into_and_only_who_may_reverse_backs_off() -> None:
     near = person(1, distance_m=1.0)
     assert drive(following(tracks(near))).linear_mps == 0.0
-    assert drive(following(tracks(near), max_reverse_mps=0.3)).linear_mps == pytest.approx(-0.3)
+    assert drive(following(tracks(near), max_reverse_mps=0.3)).linear_mps == pytest.approx(
+        -0.3, abs=1e-3
+    )
 
 
 def test_a_person_who_fills_the_picture_is_not_driven_at() -> None:
@@ -87,18 +97,16 @@ def test_distance_and_bearing_of_the_track_win_over_the_box() -> None:
 def test_a_wider_camera_sees_the_same_box_farther_aside() -> None:
     made = following(tracks(person(1, x=350, height=FAR)))
     narrow = drive(made).angular_radps
-    made.set_field_of_view(2.0)
+    made.set_camera(INFO.model_copy(update={"horizontal_fov_rad": 2.0}))
     assert abs(drive(made).angular_radps) > abs(narrow)
 
 
 @pytest.mark.parametrize(
     ("change", "state"),
     [
-        ({"state": "occluded"}, "occluded"),
-        ({"state": "lost"}, "unsure"),
-        ({"shown": False}, "unsure"),
         ({"identity_confidence": 0.59}, "unsure"),
         ({"identity_confidence": 0.0}, "unsure"),
+        ({"identity_confidence": 0.9, "runner_up_confidence": 0.85}, "unsure"),
     ],
 )
 def test_doubt_about_the_person_stops_the_robot_at_once(change: dict[str, Any], state: str) -> None:
@@ -109,18 +117,54 @@ def test_doubt_about_the_person_stops_the_robot_at_once(change: dict[str, Any], 
     assert (command.state, is_zero(command)) == (state, True)
 
 
-def test_a_missing_person_is_first_missed_then_lost_and_stays_chosen() -> None:
-    made = following(lost_after_s=1.0)
+@pytest.mark.parametrize(
+    "change", [{"state": "occluded"}, {"state": "lost"}, {"shown": False}, {"id": 3}]
+)
+def test_who_is_out_of_sight_is_coasted_after_braked_for_searched_and_waited_for(
+    change: dict[str, Any],
+) -> None:
+    made = following(tracks(person(1, x=250, height=FAR)), search_s=3.0)
+    speed = drive(made).linear_mps
+    gone = tracks(person(**{"track_id": 1, "height": FAR} | change), person(2, x=600))
+    coasting = drive(made, 0.1, seen=gone)
+    assert (coasting.state, coasting.linear_mps) == ("occluded", speed)
+    braking = drive(made, 0.5, seen=gone)
+    assert braking.state == "occluded"
+    assert 0 < braking.linear_mps < speed
+    assert drive(made, 1.0, seen=gone).linear_mps == 0.0
+    assert (made.state.state, made.state.angular_radps > 0) == ("searching", True)
+    assert is_zero(drive(made, 3.0, seen=gone))
+    assert (made.state.state, made.target.track_id) == ("lost", 1)
+    assert is_zero(drive(made, 20.0, seen=gone))
+    assert drive(made, seen=tracks(person(1, height=FAR))).state == "following"
+
+
+def test_who_is_back_is_made_sure_of_before_the_robot_moves() -> None:
+    made = following(confirm_s=0.2, search_s=0.0)
     drive(made)
-    made.observe(tracks(person(2, height=FAR)), TRACKER)
-    assert drive(made, 0.5).state == "unsure"
-    assert drive(made, 1.0).state == "lost"
-    assert made.target.track_id == 1
-    made.observe(tracks(person(1, height=FAR)), TRACKER)
-    assert drive(made).state == "following"
+    drive(made, 2.0, seen=tracks())
+    back = tracks(person(1, height=FAR))
+    command = drive(made, 0.1, seen=back)
+    assert (command.state, is_zero(command)) == ("acquiring", True)
+    assert drive(made, 0.2, seen=back).state == "following"
 
 
-@pytest.mark.parametrize("age_s", [0.31, 5.0, 1e9, math.nextafter(0.3, 1)])
+def test_who_was_doubtful_has_to_be_surer_than_who_was_not() -> None:
+    made = following()
+    drive(made)
+    assert drive(made, seen=tracks(person(1, height=FAR, identity_confidence=0.65))).state == (
+        "following"
+    )
+    drive(made, 0.1, seen=tracks(person(1, height=FAR, identity_confidence=0.5)))
+    assert drive(made, seen=tracks(person(1, height=FAR, identity_confidence=0.65))).state == (
+        "unsure"
+    )
+    assert drive(made, seen=tracks(person(1, height=FAR, identity_confidence=0.7))).state == (
+        "following"
+    )
+
+
+@pytest.mark.parametrize("age_s", [0.31, 5.0, 1e6, math.nextafter(0.3, 1)])
 def test_stops_when_tracks_are_stale(age_s: float) -> None:
     made = following(max_tracks_age_s=0.3)
     assert drive(made, age_s=0.3).linear_mps > 0
@@ -144,6 +188,7 @@ def test_the_emergency_stop_wins_until_it_is_released() -> None:
     made.choose(TargetRequest(mode="id", track_id=2))
     assert is_zero(drive(made))
     made.set_estop(False)
+    made.choose(TargetRequest(mode="id", track_id=1))
     assert drive(made).linear_mps > 0
 
 
@@ -153,7 +198,8 @@ def test_after_a_stop_the_robot_starts_from_standstill() -> None:
     made.set_estop(True)
     drive(made, 0.0)
     made.set_estop(False)
-    assert 0 < drive(made, 0.02).linear_mps <= 0.5 * 0.02 * 2
+    drive(made, 0.02)
+    assert 0 < drive(made, 0.02).linear_mps <= 0.5 * 0.02 * 4
 
 
 @pytest.mark.parametrize(

@@ -38,8 +38,21 @@ def test_a_walker_is_confirmed_and_keeps_one_id_and_a_true_velocity() -> None:
     last = tracks[-1].tracks[0]
     assert last.velocity_pxps == pytest.approx((4 * FPS, 0), abs=6)
     assert last.state == "tracked"
-    assert last.identity_confidence == 1.0
+    assert last.identity_confidence == 0.99
     assert not any(found.occlusion for found in tracks)
+
+
+@pytest.mark.parametrize("settled", [(True, False), (False, True)], ids=["even", "odd"])
+def test_settling_early_or_not_gives_the_same_tracks(settled: tuple[bool, bool]) -> None:
+    walkers = [straight(RED, 60, 4), straight(BLUE, 250, -3, row=150)]
+    eager, mixed = default_tracker(), default_tracker()
+    for seq in range(40):
+        blobs = blobs_of(walkers, seq)
+        expected, found = eager.update(blobs), mixed.update(blobs)
+        assert encode(found) == encode(expected)
+        eager.settle()
+        if settled[seq % 2]:
+            mixed.settle()
 
 
 @pytest.mark.parametrize(("evidence_class", "shown"), [(FOREGROUND, False), (MOVING, True)])

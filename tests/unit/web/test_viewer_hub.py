@@ -40,7 +40,7 @@ def test_a_busy_server_loop_gets_one_call_and_the_newest_of_all() -> None:
 def _put_many(hub: Hub) -> None:
     for n in range(100):
         hub.put_frame(frame(n))
-        hub.put_status({"n": n})
+        hub.put_note("status", {"n": n})
 
 
 def test_places_are_limited_and_given_back() -> None:
@@ -58,8 +58,8 @@ def test_places_are_limited_and_given_back() -> None:
 def test_without_a_server_loop_the_newest_waits() -> None:
     async def run() -> None:
         hub = Hub(max_viewers=1)
-        hub.put_status({"n": 1})
-        hub.put_status({"n": 2})
+        hub.put_note("status", {"n": 1})
+        hub.put_note("status", {"n": 2})
         hub.attach(asyncio.get_running_loop())
         async with asyncio.timeout(5.0):
             while not hub.status()[0]:

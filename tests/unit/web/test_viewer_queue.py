@@ -41,9 +41,10 @@ def test_acknowledgements_may_come_out_of_order_but_not_for_what_was_never_sent(
     assert not queue.acknowledge(-1)
 
 
-def test_only_the_newest_status_waits() -> None:
+def test_only_the_newest_note_of_each_kind_waits() -> None:
     queue = ViewerQueue()
-    queue.offer_status("old")
-    queue.offer_status("new")
-    assert queue.take_status() == "new"
-    assert queue.take_status() is None
+    for text in ("old", "new"):
+        queue.offer_note("status", text)
+        queue.offer_note("sim-truth", f"{text} truth")
+    assert {queue.take_note(), queue.take_note()} == {"new", "new truth"}
+    assert queue.take_note() is None

@@ -1,0 +1,130 @@
+"""Everything that can go wrong with a driving robot, and within what time it then has to stand."""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import msgpack
+import zenoh
+
+from benchmarks.stopping.camera import View
+from benchmarks.stopping.rig import Rig
+from schemas import EStop, MotionCommand, Stamp, encode, keys
+from services.drive.settings import DriveSettings
+
+WATCHDOG_MS = DriveSettings().ttl_s * 1e3 + 50.0
+"""Commands stop: the drive's own watchdog."""
+INPUT_MS = 300.0
+"""What the commands rest on is lost, stale or frozen."""
+ESTOP_MS = 50.0
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One row of the table: how to bring the fault about, and how to undo it."""
+
+    name: str
+    bound_ms: float
+    inject: Callable[[Rig], None]
+    lift: Callable[[Rig], None]
+
+
+def all_faults() -> list[Fault]:
+    """Every row, in the order of the data's way from the camera to the wheels."""
+    return [
+        _view("camera frozen", "frozen"),
+        _view("camera black", "black"),
+        _view("camera silent", "silent"),
+        _view("person gone", "nobody"),
+        _silent_ranges(),
+        *(fault for name in ("capture", "detector", "tracker") for fault in _of(name, INPUT_MS)),
+        *_of("follower", WATCHDOG_MS),
+        _killed("router", WATCHDOG_MS),
+        _hung("router", WATCHDOG_MS),
+        _cut_off("drive", WATCHDOG_MS),
+        _nan_commands(),
+        Fault("drive told to end", ESTOP_MS, lambda rig: rig.signal("drive", signal.SIGTERM),
+              lambda rig: rig.restart("drive")),
+        Fault("emergency stop", ESTOP_MS, lambda rig: _estop(rig, True),
+              lambda rig: _estop(rig, False)),
+    ]  # fmt: skip
+
+
+def _of(service: str, bound_ms: float) -> tuple[Fault, Fault, Fault]:
+    return _killed(service, bound_ms), _hung(service, bound_ms), _cut_off(service, bound_ms)
+
+
+def _killed(service: str, bound_ms: float) -> Fault:
+    return Fault(
+        f"{service} killed", bound_ms,
+        lambda rig: rig.signal(service, signal.SIGKILL), lambda rig: rig.restart(service),
+    )  # fmt: skip
+
+
+def _hung(service: str, bound_ms: float) -> Fault:
+    return Fault(
+        f"{service} hung", bound_ms,
+        lambda rig: rig.signal(service, signal.SIGSTOP),
+        lambda rig: rig.signal(service, signal.SIGCONT),
+    )  # fmt: skip
+
+
+def _cut_off(service: str, bound_ms: float) -> Fault:
+    return Fault(
+        f"{service} cut off", bound_ms,
+        lambda rig: rig.relays[service].cut(), lambda rig: rig.relays[service].mend(),
+    )  # fmt: skip
+
+
+def _view(name: str, view: View) -> Fault:
+    def show(rig: Rig, what: View) -> None:
+        rig.camera.view = what
+
+    return Fault(name, INPUT_MS, lambda rig: show(rig, view), lambda rig: show(rig, "person"))
+
+
+def _silent_ranges() -> Fault:
+    def silence(rig: Rig, silent: bool) -> None:
+        rig.ranges.silent = silent
+
+    return Fault(
+        "ranges silent", INPUT_MS, lambda rig: silence(rig, True), lambda rig: silence(rig, False)
+    )
+
+
+def _estop(rig: Rig, engaged: bool) -> None:
+    rig.publish(keys.FOLLOW_ESTOP, EStop(engaged=engaged, source="benchmark"))
+
+
+def _nan_commands() -> Fault:
+    """The follower hangs, and in its name comes NaN instead, 50 times a second."""
+    ending = threading.Event()
+
+    def send(rig: Rig) -> None:
+        assert rig.newest_command is not None
+        command, producer = rig.newest_command
+        stamp = encode(Stamp(producer=producer, t_sent_ns=time.time_ns(), age_ns=0))
+        for seq in range(command.seq + 1, command.seq + 10_000):
+            spoilt = command.model_dump() | {"seq": seq, "linear_mps": math.nan}
+            rig.session.put(
+                keys.FOLLOW_COMMAND, msgpack.packb(spoilt), encoding=MotionCommand.encoding(),
+                attachment=stamp, express=True, priority=zenoh.Priority.REAL_TIME,
+            )  # fmt: skip
+            if ending.wait(0.02):
+                return
+
+    def inject(rig: Rig) -> None:
+        rig.signal("follower", signal.SIGSTOP)
+        ending.clear()
+        threading.Thread(target=send, args=(rig,), daemon=True).start()
+
+    def lift(rig: Rig) -> None:
+        ending.set()
+        rig.signal("follower", signal.SIGCONT)
+
+    return Fault("NaN instead of commands", WATCHDOG_MS, inject, lift)

@@ -1,0 +1,208 @@
+"""The whole stack as real processes, each behind a link of its own, and a record of its wheels."""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Self
+
+import zenoh
+
+from benchmarks.common import REPOSITORY
+from benchmarks.stopping.camera import FaultyCamera
+from benchmarks.stopping.ranges import RangeSensor
+from benchmarks.stopping.relay import Relay
+from schemas import (
+    HeelError,
+    Message,
+    MotionCommand,
+    Ranges,
+    Stamp,
+    TargetRequest,
+    decode,
+    encode,
+    keys,
+)
+from services.runtime.process import PARENT_VARIABLE
+from services.runtime.session import open_session
+from services.runtime.settings import ZenohSettings
+
+CHAIN = ("capture", "detector", "tracker", "follower", "drive")
+_SENSOR = "sonar/main@00000001"
+_READY_S = 60.0
+_STEADY_S = 0.3
+"""A robot that has moved for so long without a pause counts as driving."""
+_CHOOSE_EVERY_S = 1.0
+_DOUBT_S = 6.0
+"""A tracker that is unsure of the person for so long after a fault is started anew."""
+
+
+class Rig:
+    """Router, capture, detector, tracker, follower and drive, following somebody.
+
+    Use as a context manager. Every service reaches the router by a relay that can be cut.
+
+    Args:
+        folder: for logs and the record of the wheels.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._resources = ExitStack()
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+        self._record = folder / "wheels.txt"
+        self._record.write_text("")
+        self._router_port = _free_port()
+        self.camera = FaultyCamera()
+        self.ranges = RangeSensor(self._publish_ranges)
+        self.relays = {name: Relay(self._router_port) for name in CHAIN}
+        self.newest_command: tuple[MotionCommand, str] | None = None
+        """The follower's newest command and its producer."""
+
+    def __enter__(self) -> Self:
+        with ExitStack() as stack:
+            stack.callback(self._end_all)
+            stack.enter_context(self.camera)
+            for relay in self.relays.values():
+                stack.enter_context(relay)
+            for name in ("router", *CHAIN):
+                self.start(name)
+            connect = ZenohSettings(
+                connect=(f"tcp/127.0.0.1:{self._router_port}",), connect_timeout_s=_READY_S
+            )
+            session = open_session(connect, logging.getLogger("rig"), _pause)
+            assert session is not None
+            self.session = stack.enter_context(session)
+            self.session.declare_subscriber(keys.FOLLOW_COMMAND, self._note_command)
+            stack.enter_context(self.ranges)
+            self._resources = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._resources.close()
+
+    def start(self, name: str) -> None:
+        """Start one process."""
+        flags = {
+            "router": ("--listen", f"tcp/127.0.0.1:{self._router_port}"),
+            "capture": (self.camera.address,),
+            # To turn after somebody who went away, and to look for them, is motion on purpose.
+            "follower": ("--target", "nearest", "--hold-s", "0", "--search-s", "0"),
+            "drive": ("--driver", "record", "--driver-options", str(self._record)),
+        }.get(name, ())
+        if name in self.relays:
+            endpoint = f"tcp/127.0.0.1:{self.relays[name].port}"
+            flags = (*flags, "--connect", endpoint, "--connect-timeout-s", f"{_READY_S:g}")
+        kept = {key: value for key, value in os.environ.items() if not key.startswith("HEEL_")}
+        environment = kept | {"PYTHONPATH": str(REPOSITORY), PARENT_VARIABLE: str(os.getpid())}
+        with (self._folder / f"{name}.log").open("ab") as log:
+            self._processes[name] = subprocess.Popen(
+                [sys.executable, "-m", "services", name, *flags], cwd=REPOSITORY, env=environment,
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+            )  # fmt: skip
+
+    def signal(self, name: str, number: signal.Signals) -> None:
+        """Send a signal to one process."""
+        self._processes[name].send_signal(number)
+
+    def restart(self, name: str) -> None:
+        """Start a process anew that has ended or is about to."""
+        self._processes[name].wait(5.0)
+        self.start(name)
+
+    def publish(self, key: str, message: Message) -> None:
+        """Send a message without a stamp."""
+        self.session.put(
+            key, encode(message), encoding=message.encoding(), express=True,
+            priority=zenoh.Priority.REAL_TIME,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )  # fmt: skip
+
+    def wheels(self) -> list[tuple[int, float, float]]:
+        """Every change so far: monotonic ns, m/s, rad/s."""
+        rows = [line.split() for line in self._record.read_text(encoding="ascii").splitlines()]
+        return [(int(row[0]), float(row[1]), float(row[2])) for row in rows if len(row) == 3]
+
+    def stands_since_ns(self) -> int | None:
+        """When the wheels were told to stand; None while they turn."""
+        rows = self.wheels()
+        if not rows:
+            return 0
+        time_ns, linear_mps, angular_radps = rows[-1]
+        if not (math.isfinite(linear_mps) and math.isfinite(angular_radps)):
+            raise HeelError(f"the wheels were told {rows[-1]}: no number may come so far")
+        return None if linear_mps or angular_radps else time_ns
+
+    def await_driving(self) -> None:
+        """Wait until the robot drives steadily, choosing the person again where that is needed.
+
+        Raises:
+            HeelError: it does not within a minute.
+        """
+        started_s = time.monotonic()
+        deadline_s, choose_s = started_s + _READY_S, started_s + _CHOOSE_EVERY_S
+        doubt_s, turning_since_s = started_s + _DOUBT_S, math.inf
+        while time.monotonic() < deadline_s:
+            now_s = time.monotonic()
+            if self.stands_since_ns() is not None:
+                turning_since_s = math.inf
+                if now_s >= choose_s:
+                    self._choose_nearest()
+                    choose_s = now_s + _CHOOSE_EVERY_S
+                if now_s >= doubt_s:
+                    self.signal("tracker", signal.SIGKILL)
+                    self.restart("tracker")
+                    doubt_s = now_s + _DOUBT_S
+            elif (turning_since_s := min(turning_since_s, now_s)) <= now_s - _STEADY_S:
+                return
+            time.sleep(0.02)
+        raise HeelError(f"the robot does not drive within {_READY_S:g} s: see {self._folder}")
+
+    def _publish_ranges(self, ranges: Ranges) -> None:
+        stamp = Stamp(producer=_SENSOR, t_sent_ns=time.time_ns(), age_ns=0)
+        self.session.put(
+            keys.ROBOT_RANGE, encode(ranges), encoding=ranges.encoding(), express=True,
+            attachment=encode(stamp), congestion_control=zenoh.CongestionControl.DROP,
+        )  # fmt: skip
+
+    def _choose_nearest(self) -> None:
+        request = encode(TargetRequest(mode="nearest"))
+        for _ in self.session.get(keys.FOLLOW_TARGET, payload=request, timeout=0.5):
+            pass
+
+    def _note_command(self, sample: zenoh.Sample) -> None:
+        if sample.attachment is None or str(sample.encoding) != MotionCommand.encoding():
+            return
+        try:
+            command = decode(MotionCommand, sample.payload.to_bytes())
+        except HeelError:
+            return  # a command that the benchmark itself spoilt
+        stamp = decode(Stamp, sample.attachment.to_bytes())
+        self.newest_command = command, stamp.producer
+
+    def _end_all(self) -> None:
+        for process in self._processes.values():
+            process.kill()
+        for process in self._processes.values():
+            process.wait(5.0)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def _pause(seconds: float) -> bool:
+    time.sleep(seconds)
+    return False

@@ -1,0 +1,139 @@
+"""Time to stop: from a fault to wheels that stand and go on standing.
+
+Starts router, capture, detector, tracker, follower and drive as real processes on free loopback
+ports, lets the robot follow a drawn person, and brings each fault about again and again. A trial
+counts only if the wheels turned at that moment. The wheels are those that the drive's driver is
+told (`record`, CLOCK_MONOTONIC).
+
+Example run: python -m benchmarks.time_to_stop --trials 20 --write docs/drive.md
+"""
+
+from __future__ import annotations
+
+import math
+import random
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.common import Figure, median, write_json
+from benchmarks.stopping.faults import Fault, all_faults
+from benchmarks.stopping.rig import Rig
+from benchmarks.stopping.rows import Row, write_table
+from schemas.errors import HeelError, SettingsError
+from services.runtime.command_line import run_app
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+_WATCH_S = 0.4
+"""How long the robot has to go on standing for the stop to count."""
+_NEVER_S = 5.0
+_ATTEMPTS = 5
+
+
+def measure(rig: Rig, fault: Fault, trials: int, rng: random.Random) -> Row:
+    """Bring one fault about so many times.
+
+    Raises:
+        HeelError: the robot does not drive, so that nothing can be measured.
+    """
+    times_ms: list[float] = []
+    for _ in range(trials * _ATTEMPTS):
+        time_ms = _trial(rig, fault, rng)
+        if time_ms is not None:
+            times_ms.append(time_ms)
+        if len(times_ms) == trials:
+            return Row(fault.name, fault.bound_ms, tuple(times_ms))
+    raise HeelError(f"{fault.name}: the robot stood still at most faults: nothing to measure")
+
+
+def _trial(rig: Rig, fault: Fault, rng: random.Random) -> float | None:
+    """Milliseconds from the fault to the stop; None if the robot stood by itself just then."""
+    rig.await_driving()
+    # Faults come at any phase of frames and commands.
+    time.sleep(rng.uniform(0.0, 0.1))
+    turned = rig.stands_since_ns() is None
+    fault_ns = time.monotonic_ns()
+    fault.inject(rig)
+    try:
+        stands_ns = _watch(rig, fault.bound_ms)
+    finally:
+        fault.lift(rig)
+    if not turned or (stands_ns is not None and stands_ns < fault_ns):
+        return None
+    return math.inf if stands_ns is None else (stands_ns - fault_ns) / 1e6
+
+
+def _watch(rig: Rig, bound_ms: float) -> int | None:
+    """Since when the robot stands, some time after the fault; None if it goes on driving."""
+    time.sleep(bound_ms / 1e3 + _WATCH_S)
+    deadline_s = time.monotonic() + _NEVER_S
+    while (stands_ns := rig.stands_since_ns()) is None and time.monotonic() < deadline_s:
+        time.sleep(0.02)
+    return stands_ns
+
+
+def table_of(rows: list[Row]) -> Table:
+    """One line per fault."""
+    table = Table("fault", "trials", "median", "p95", "p99", "max", "bound", title="ms to zero")
+    for row in rows:
+        *cells, bound = row.cells()
+        table.add_row(*cells, bound if row.worst_ms <= row.bound_ms else f"{bound}  MISSED")
+    return table
+
+
+def figures_of(rows: list[Row]) -> list[Figure]:
+    """Median, p95, p99 and maximum of every row against its bound."""
+    return [
+        Figure(f"time-to-stop/{row.name} {name}", value, "ms", "bound",
+               value / row.bound_ms, len(row.times_ms))
+        for row in rows
+        for name, value in (
+            ("median", median(row.times_ms)), ("p95", row.percentile_ms(95)),
+            ("p99", row.percentile_ms(99)), ("max", row.worst_ms),
+        )
+    ]  # fmt: skip
+
+
+@app.command()
+def main(
+    trials: Annotated[int, typer.Option(help="trials of every fault", min=1)] = 20,
+    only: Annotated[str, typer.Option(help="faults whose name holds one of these, A,B")] = "",
+    seed: Annotated[int, typer.Option(help="of the moments at which faults come")] = 1,
+    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    write: Annotated[Path | None, typer.Option(help="put the rows into this document")] = None,
+    logs: Annotated[Path | None, typer.Option(help="keep the services' logs here")] = None,
+) -> None:
+    """Bring every fault about and print the times to a robot that stands."""
+    words = [word.strip() for word in only.split(",")]
+    faults = [fault for fault in all_faults() if any(word in fault.name for word in words)]
+    if not faults:
+        names = ", ".join(fault.name for fault in all_faults())
+        raise SettingsError(f"--only {only}: no such fault; there are {names}")
+    # Ended from outside, it still takes its processes along, also those that it has frozen.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    rng = random.Random(seed)
+    rows = []
+    with tempfile.TemporaryDirectory() as temporary, Rig(logs or Path(temporary)) as rig:
+        for fault in faults:
+            rows.append(measure(rig, fault, trials, rng))
+            typer.echo(
+                f"{fault.name}: {', '.join(f'{t:.0f}' for t in rows[-1].times_ms)}", err=True
+            )
+    Console().print(table_of(rows))
+    write_json(figures_of(rows), json)
+    if write is not None:
+        write_table(rows, [fault.name for fault in all_faults()], write)
+    missed = [row.name for row in rows if row.worst_ms > row.bound_ms]
+    if missed:
+        raise HeelError(f"too slow: {', '.join(missed)}")
+
+
+if __name__ == "__main__":
+    run_app(app)

@@ -1,0 +1,32 @@
+"""Whom the robot followed, whatever the distance: the right one, somebody else, nobody."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.following.log import NOBODY, EpisodeLog
+
+
+def wrong_person_time(log: EpisodeLog) -> float:
+    """Share of the episode's time in which the robot acts upon somebody else, 0 to 1.
+
+    Waiting because it is unsure is not following: abstaining is right where two look alike.
+    """
+    wrong = (log.followed != NOBODY) & (log.followed != log.target)
+    return float(wrong.mean())
+
+
+def longest_loss_s(log: EpisodeLog) -> float:
+    """Longest time in one go in which the robot does not follow the target, s.
+
+    Time in which the target cannot be seen counts, too, and so does following somebody else. As
+    "longest invisible run" in Follow-Bench 2.0, but of what the robot does, not of what it sees.
+    """
+    return _longest_run(log.followed != log.target) * log.period_s
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> int:
+    padded = np.concatenate([[False], flags, [False]]).astype(np.int8)
+    edges = np.flatnonzero(np.diff(padded))
+    return int((edges[1::2] - edges[::2]).max(initial=0))

@@ -1,0 +1,37 @@
+"""How it is to walk beside the robot: distances kept and jolts made."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evaluation.following.log import EpisodeLog
+
+PERSONAL_SPACE_M = 1.0
+
+
+def personal_space_compliance(log: EpisodeLog) -> float:
+    """Share of time in which the robot's centre is at least 1.0 m from everybody's, 0 to 1.
+
+    PSC as Social-HM3D defines it (Gong et al., "From Cognition to Precognition", 2024). People who
+    walk up to the robot count against it, also while it stands.
+    """
+    return float((log.distances_m().min(axis=1) >= PERSONAL_SPACE_M).mean())
+
+
+def minimum_distance_m(log: EpisodeLog) -> float:
+    """Least distance between the bodies of the robot and any person, m; 0 is contact.
+
+    Follow-Bench 2.0's minimum human surface distance.
+    """
+    gaps = log.distances_m() - log.people_radius_m - log.robot_radius_m
+    return max(0.0, float(gaps.min()))
+
+
+def jerk_p95_mps3(log: EpisodeLog) -> float:
+    """95th percentile of |d2v/dt2| of the robot's real forward speed v, m/s^3.
+
+    Follow-Bench 2.0 averages jerk; the percentile says what the worst moments are like. Second
+    differences of the log as recorded; 0 for fewer than three moments.
+    """
+    jerks = np.abs(np.diff(log.linear_mps, n=2)) / log.period_s**2
+    return float(np.percentile(jerks, 95)) if jerks.size else 0.0

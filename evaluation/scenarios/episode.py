@@ -1,0 +1,128 @@
+"""One episode from beginning to end: built from scenario and seed, run, scored and drawn."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from evaluation.following.log import EpisodeLog
+from evaluation.following.scores import score_episode
+from evaluation.scenarios.loop import ClosedLoop
+from evaluation.scenarios.parallel import EpisodeTask
+from evaluation.scenarios.perception import Perception, SimulatedBoxes
+from evaluation.scenarios.picture import draw_episode
+from evaluation.scenarios.report import EpisodeResult, Mode
+from schemas.errors import HeelError
+from services.detector.settings import DetectorServiceSettings, DetectorSettings
+from services.drive.core import Drive
+from services.drive.settings import DriveServiceSettings, DriveSettings
+from services.follower.core import Follower
+from services.follower.settings import FollowerServiceSettings, FollowerSettings
+from services.runtime.settings import Loaded, load_settings
+from services.simulator.robot import RobotBody
+from services.simulator.scenarios import scenario
+from services.simulator.state import CameraMount
+from services.simulator.world import World
+from services.tracker.settings import TrackerServiceSettings, TrackerSettings
+
+
+@dataclass(frozen=True, slots=True)
+class StackSettings:
+    """What the cores are set to: the settings that their processes would read."""
+
+    mode: Mode
+    detector: DetectorSettings
+    tracker: TrackerSettings
+    follower: FollowerSettings
+    drive: DriveSettings
+
+    @property
+    def max_speed_mps(self) -> float:
+        """What the robot can do, and may."""
+        limits = self.follower.max_linear_mps, self.drive.max_linear_mps, RobotBody().max_linear_mps
+        return min(limits)
+
+
+def load_stack(mode: Mode, file: Path | None) -> StackSettings:
+    """The settings as the processes would load them.
+
+    Raises:
+        SettingsError: as `load_settings`.
+    """
+    detector: Loaded[DetectorServiceSettings] = load_settings(
+        "detector", DetectorServiceSettings, {}, file
+    )
+    tracker: Loaded[TrackerServiceSettings] = load_settings(
+        "tracker", TrackerServiceSettings, {}, file
+    )
+    follower: Loaded[FollowerServiceSettings] = load_settings(
+        "follower", FollowerServiceSettings, {}, file
+    )
+    drive: Loaded[DriveServiceSettings] = load_settings("drive", DriveServiceSettings, {}, file)
+    return StackSettings(mode, detector.service, tracker.service, follower.service, drive.service)
+
+
+def run_episode(settings: StackSettings, task: EpisodeTask) -> EpisodeResult:
+    """Run the cores through one episode and score it; draw and film it if a folder is given."""
+    if task.out is not None:
+        _make_folder(task.out)
+    world = scenario(task.scenario, task.seed)
+    return _judged(_play(world, settings, task), settings, task)
+
+
+def run_in_processes(
+    settings: StackSettings, config: Path | None, stop: threading.Event, task: EpisodeTask
+) -> EpisodeResult:
+    """The same through the real processes, in real time, without a film.
+
+    Args:
+        settings: what the processes read from the same `config`.
+        config: settings file of the services.
+        stop: gives the episode up when set.
+        task: which episode.
+    """
+    # Here and not above: Zenoh must not be imported before `guarded` has forked.
+    from evaluation.scenarios.processes import ProcessEpisode
+
+    if task.out is not None:
+        _make_folder(task.out)
+    log = ProcessEpisode(task.scenario, task.seed, config, stop).run()
+    return _judged(log, settings, task)
+
+
+def _judged(log: EpisodeLog, settings: StackSettings, task: EpisodeTask) -> EpisodeResult:
+    scores = score_episode(log, settings.max_speed_mps)
+    if task.out is not None:
+        title = f"{task.scenario}, seed {task.seed} ({settings.mode})"
+        scenery = scenario(task.scenario, task.seed).scenery
+        draw_episode(log, scores, scenery, title, task.out / f"{task.name}.png")
+    return EpisodeResult(scenario=task.scenario, seed=task.seed, scores=scores)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise HeelError(f"{folder}: cannot be made ({error.strerror})") from error
+
+
+def _play(world: World, settings: StackSettings, task: EpisodeTask) -> EpisodeLog:
+    mount = CameraMount()
+    cores = Follower(settings.follower), Drive(settings.drive)
+    if settings.mode == "simulated boxes" and not task.video:
+        boxes = SimulatedBoxes(world, mount, settings.tracker)
+        return ClosedLoop(world, mount, boxes, *cores).run().log()
+    # Here and not above: without pictures no extra is needed.
+    from evaluation.scenarios.pixels import Camera, Film, RenderedPixels
+
+    with ExitStack() as resources:
+        camera = resources.enter_context(Camera(world, mount))
+        perception: Perception = RenderedPixels(camera, settings.detector, settings.tracker)
+        if settings.mode == "simulated boxes":
+            perception = SimulatedBoxes(world, mount, settings.tracker)
+        film = None
+        if task.video and task.out is not None:
+            film = resources.enter_context(Film(camera, task.out / f"{task.name}.mp4", mount.fps))
+        return ClosedLoop(world, mount, perception, *cores, film).run().log()

@@ -1,0 +1,135 @@
+"""Many episodes on several processes; the results do not depend on how many."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+
+from evaluation.scenarios.report import EpisodeResult
+from schemas.errors import HeelError
+from services.runtime.process import PARENT_VARIABLE, die_with_parent
+
+_SILENCE_S = 600.0
+_KILL_S = 5.0
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeTask:
+    """One episode to be run.
+
+    Attributes:
+        out: folder for its picture, None for none.
+        video: whether a film of it goes there, too.
+    """
+
+    scenario: str
+    seed: int
+    out: Path | None = None
+    video: bool = False
+
+    @property
+    def name(self) -> str:
+        """For its files."""
+        return f"{self.scenario}-{self.seed}"
+
+
+Run = Callable[[EpisodeTask], EpisodeResult]
+
+
+def spread(
+    scenarios: Sequence[str],
+    episodes: int,
+    seed: int,
+    out: Path | None = None,
+    video: bool = False,
+) -> list[EpisodeTask]:
+    """The scenarios in turn, until there are enough; each round has the next seed."""
+    return [
+        EpisodeTask(scenarios[index % len(scenarios)], seed + index // len(scenarios), out, video)
+        for index in range(episodes)
+    ]
+
+
+def run_all(
+    run: Run, tasks: Sequence[EpisodeTask], jobs: int, on_done: Callable[[], None]
+) -> list[EpisodeResult]:
+    """Run every task; results in the order of the tasks.
+
+    Args:
+        run: a function at module level, or a `functools.partial` of one.
+        tasks: what to run.
+        jobs: processes at the same time; 1 runs here.
+        on_done: called after each episode.
+
+    Raises:
+        HeelError: an episode failed (it names scenario and seed), a process died, or no episode
+            has ended for ten minutes. Those not yet started are given up.
+    """
+    if jobs == 1:
+        return list(_one_by_one(run, tasks, on_done))
+    for name in _ONE_THREAD:
+        # Linear algebra on a few numbers only loses by threads that compete with the other jobs.
+        os.environ.setdefault(name, "1")
+    os.environ.setdefault(PARENT_VARIABLE, str(os.getpid()))
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(jobs, len(tasks)), context, initializer=_start_worker)
+    try:
+        futures = [pool.submit(_named, run, task) for task in tasks]
+        _await(futures, on_done)
+        return [future.result() for future in futures]
+    except BrokenProcessPool as error:
+        raise HeelError(
+            "a process of `heel scenarios` was killed, probably for want of memory: run fewer "
+            "--jobs"
+        ) from error
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        # Nothing to lose: either all are idle, or one hangs or has failed.
+        for process in multiprocessing.active_children():
+            process.kill()
+            process.join(_KILL_S)
+
+
+def _start_worker() -> None:
+    """Ends with its parent, however that ends; Ctrl-C is the parent's to handle."""
+    die_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _one_by_one(
+    run: Run, tasks: Sequence[EpisodeTask], on_done: Callable[[], None]
+) -> Iterator[EpisodeResult]:
+    for task in tasks:
+        yield _named(run, task)
+        on_done()
+
+
+def _await(futures: list[Future[EpisodeResult]], on_done: Callable[[], None]) -> None:
+    pending = set(futures)
+    while pending:
+        done, pending = wait(pending, timeout=_SILENCE_S, return_when=FIRST_COMPLETED)
+        if not done:
+            raise HeelError(
+                f"no episode ended within {_SILENCE_S:g} s: run fewer --jobs, or one --scenario to "
+                "find the one that hangs"
+            )
+        for future in done:
+            future.result()
+            on_done()
+
+
+def _named(run: Run, task: EpisodeTask) -> EpisodeResult:
+    """Run one episode; whatever fails is said with scenario and seed."""
+    try:
+        return run(task)
+    except Exception as error:
+        raise HeelError(
+            f"scenario {task.scenario}, seed {task.seed}: {type(error).__name__}: {error}"
+        ) from error

@@ -1,0 +1,51 @@
+"""From the world to tracks, with the simulator's own boxes in place of pixels and detector."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from schemas import CameraInfo, FrameId, Tracks
+from services.simulator.boxes import SimulatedDetector
+from services.simulator.state import CameraMount
+from services.simulator.world import World
+from services.tracker.core import Tracker
+from services.tracker.settings import TrackerSettings
+
+STREAM = "front"
+
+
+class Perception(Protocol):
+    """What stands between the world and the follower."""
+
+    def see(self, frame: FrameId) -> Tracks:
+        """The people in the picture that the camera takes of the world now."""
+
+
+class SimulatedBoxes:
+    """The simulator's own boxes, with a detector's errors, and the tracker core."""
+
+    def __init__(self, world: World, mount: CameraMount, tracker: TrackerSettings) -> None:
+        self._world = world
+        self._detector = SimulatedDetector(mount, world.seed)
+        self._tracker = Tracker(tracker)
+
+    def see(self, frame: FrameId) -> Tracks:
+        """Boxes to tracks."""
+        return self._tracker.update(self._detector.detect(self._world, frame))
+
+
+def camera_info(mount: CameraMount) -> CameraInfo:
+    """What the simulated camera says of itself."""
+    return CameraInfo(
+        stream=STREAM,
+        epoch=1,
+        width=mount.width_px,
+        height=mount.height_px,
+        source_width=mount.width_px,
+        source_height=mount.height_px,
+        fps=mount.fps,
+        source="simulated world",
+        horizontal_fov_rad=mount.horizontal_fov_rad,
+        mount_height_m=mount.height_m,
+        mount_pitch_rad=mount.pitch_rad,
+    )

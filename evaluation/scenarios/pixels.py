@@ -1,0 +1,100 @@
+"""The simulated camera's pictures: what the detector gets of them, and the film of an episode.
+
+Needs the extra `sim`; nothing else of the scenarios does.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas import FollowState, FrameId, Tracks
+from services.detector.settings import DetectorSettings
+from services.pipeline import InProcessPipeline
+from services.run.annotate import AnnotatedVideo
+from services.simulator.render.renderer import Renderer
+from services.simulator.state import CameraMount
+from services.simulator.world import World
+from services.tracker.settings import TrackerSettings
+
+
+class Camera:
+    """Takes pictures of a world; one of each moment, however often it is asked for.
+
+    Raises:
+        HeelError: the software renderer does not start.
+    """
+
+    def __init__(self, world: World, mount: CameraMount) -> None:
+        self._world = world
+        self._renderer = Renderer(world.scenery, mount, seed=world.seed)
+        self._taken_s: float | None = None
+        self._picture: NDArray[np.uint8] = np.zeros((0, 0, 3), np.uint8)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._renderer.close()
+
+    def picture(self) -> NDArray[np.uint8]:
+        """The world now, (H, W, 3) uint8 BGR."""
+        if self._taken_s != self._world.t_s:
+            self._picture = self._renderer.draw(self._world)
+            self._taken_s = self._world.t_s
+        return self._picture
+
+
+class RenderedPixels:
+    """Rendered pictures, the detector core and the tracker core: the full stack."""
+
+    def __init__(
+        self, camera: Camera, detector: DetectorSettings, tracker: TrackerSettings
+    ) -> None:
+        self._camera = camera
+        self._pipeline = InProcessPipeline(detector, tracker)
+
+    def see(self, frame: FrameId) -> Tracks:
+        """Pixels to tracks."""
+        picture = self._camera.picture()
+        height, width = picture.shape[:2]
+        return self._pipeline.step(frame, picture, (width, height))[1]
+
+
+class Film:
+    """What the robot sees and does, as an mp4."""
+
+    def __init__(self, camera: Camera, path: Path, fps: float) -> None:
+        self._camera = camera
+        self._fps = fps
+        self._video = AnnotatedVideo(path)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._video.__exit__(kind, error, traceback)
+
+    def add(self, tracks: Tracks, state: FollowState) -> None:
+        """Append the picture of now, with its tracks and what the follower does.
+
+        Raises:
+            HeelError: the video cannot be written.
+        """
+        caption = f"{state.state}: {state.reason}"
+        picture = self._camera.picture()
+        self._video.write(picture, tracks, state.target.track_id, caption, self._fps)

@@ -1,0 +1,123 @@
+"""What a set of episodes is worth: per scenario and overall, as a table and as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from evaluation.following.scores import EpisodeScores, FollowingScores, summarise
+from schemas.errors import HeelError
+
+Mode = Literal["pixels", "simulated boxes"]
+Through = Literal["cores", "processes"]
+
+
+class EpisodeResult(BaseModel):
+    """One episode that was run."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    scenario: str
+    seed: int = Field(ge=0, description="of this episode's world")
+    scores: EpisodeScores
+
+
+class ScenarioReport(BaseModel):
+    """The scores of all episodes; what `heel scenarios --json` prints."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    episodes: int = Field(ge=1, description="how many")
+    seed: int = Field(ge=0, description="of the first world of each scenario; others count up")
+    mode: Mode = Field(description="simulated boxes: without detector, never the full stack")
+    through: Through = Field(description="cores on a simulated clock, or processes in real time")
+    real_time_factor: float = Field(gt=0, description="simulated seconds per second of the run")
+    overall: FollowingScores
+    scenarios: dict[str, FollowingScores] = Field(description="by name")
+
+
+def make_report(
+    results: Sequence[EpisodeResult],
+    seed: int,
+    mode: Mode,
+    wall_s: float,
+    through: Through = "cores",
+) -> ScenarioReport:
+    """Sum up what was run.
+
+    Raises:
+        HeelError: nothing was run.
+    """
+    by_scenario: dict[str, list[EpisodeScores]] = {}
+    for result in results:
+        by_scenario.setdefault(result.scenario, []).append(result.scores)
+    overall = summarise([result.scores for result in results])
+    return ScenarioReport(
+        episodes=len(results),
+        seed=seed,
+        mode=mode,
+        through=through,
+        real_time_factor=sum(result.scores.duration_s for result in results) / wall_s,
+        overall=overall,
+        scenarios={name: summarise(scores) for name, scores in by_scenario.items()},
+    )
+
+
+_COLUMNS = (
+    "n", "SR", "TR", "CR", "S", "SPS", "F", "wrong%", "1m%", "jerk", "loss s", "min m",
+)  # fmt: skip
+
+
+def write_episodes(results: Sequence[EpisodeResult], mode: Mode, path: Path) -> None:
+    """Write one JSON object a line: an episode and its scores.
+
+    Raises:
+        HeelError: the file cannot be written.
+    """
+    lines = [json.dumps({"mode": mode, **result.model_dump(mode="json")}) for result in results]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("\n".join(lines) + "\n")
+    except OSError as error:
+        raise HeelError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def report_table(report: ScenarioReport) -> Table:
+    """A table for the terminal: one row per scenario and one overall."""
+    table = Table(
+        box=SIMPLE_HEAD, padding=0, pad_edge=False, caption=_caption(report), caption_justify="left"
+    )
+    table.add_column("scenario", no_wrap=True)
+    for title in _COLUMNS:
+        table.add_column(title, justify="right", no_wrap=True)
+    for name, scores in report.scenarios.items():
+        table.add_row(name, *_cells(scores))
+    table.add_section()
+    table.add_row("overall", *_cells(report.overall))
+    return table
+
+
+def _cells(scores: FollowingScores) -> list[str]:
+    fractions = (scores.sr, scores.tr, scores.cr, scores.s, scores.spl, scores.f)
+    return [
+        str(scores.episodes),
+        *(f"{value:.2f}" for value in fractions),
+        f"{100 * scores.wrong_time:.2f}",
+        f"{100 * scores.space_1m:.1f}",
+        f"{scores.jerk_p95:.1f}",
+        f"{scores.longest_loss_s:.1f}",
+        f"{scores.min_distance_m:.2f}",
+    ]
+
+
+def _caption(report: ScenarioReport) -> str:
+    return (
+        f"{report.mode}, through {report.through}: {report.episodes} episodes from seed "
+        f"{report.seed}, {report.real_time_factor:.1f} times real time"
+    )

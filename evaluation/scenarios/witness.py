@@ -1,0 +1,143 @@
+"""Watches an episode from outside, and writes down what really happens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.alignment import best_pairs, iou_matrix
+from evaluation.following.log import NOBODY, EpisodeLog
+from evaluation.scenarios.floor import Floor
+from schemas import FollowState, SimTruth, Tracks
+from services.simulator.state import CameraMount
+from services.simulator.world import World
+
+_LEAST_IOU = 0.3
+_ACTING = ("following", "occluded")
+"""States in which the follower moves, or would, for the person its track is on."""
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What changes from one row of the log to the next.
+
+    Attributes:
+        robot: x, y (m), heading (rad), linear (m/s) and angular velocity (rad/s).
+        people_m: x, y of everybody.
+        visible: share of the target's box that was to be seen in the newest picture.
+        contact: whether the robot has touched anybody by now.
+    """
+
+    t_s: float
+    robot: tuple[float, float, float, float, float]
+    people_m: list[tuple[float, float]]
+    visible: float
+    contact: bool
+
+    @classmethod
+    def of_world(cls, world: World, visible: float) -> Moment:
+        """A world now."""
+        robot = world.robot
+        return cls(
+            world.t_s,
+            (robot.x_m, robot.y_m, robot.heading_rad, robot.linear_mps, robot.angular_radps),
+            [(person.x_m, person.y_m) for person in world.people],
+            visible,
+            world.contacts > 0,
+        )
+
+    @classmethod
+    def of_truth(cls, truth: SimTruth) -> Moment:
+        """A world that another process told of."""
+        robot = truth.robot
+        return cls(
+            truth.t_s,
+            (robot.x_m, robot.y_m, robot.heading_rad, truth.linear_mps, truth.angular_radps),
+            [(person.pose.x_m, person.pose.y_m) for person in truth.people],
+            next(person.visible for person in truth.people if person.role == "target"),
+            truth.contact > 0,
+        )
+
+
+class Witness:
+    """Collects the log of one episode.
+
+    Args:
+        world: the episode's, for what never changes in it.
+        mount: the robot's camera.
+    """
+
+    def __init__(self, world: World, mount: CameraMount) -> None:
+        self._world = world
+        self._mount = mount
+        self._target = [person.role for person in world.people].index("target")
+        self._moments: list[Moment] = []
+        self._followed: list[int] = []
+        self._states: list[str] = []
+
+    def people_of(self, truth: SimTruth, tracks: Tracks) -> dict[int, int]:
+        """Who each track is on: index of the person by track id; tracks on nobody are left out.
+
+        Tracks and people are paired one to one at the highest total IoU, from 0.3 on, within the
+        picture. Others than the target only count while anything of them can be seen.
+        """
+        size = (self._mount.width_px, self._mount.height_px)
+        present = [
+            index
+            for index, person in enumerate(truth.people)
+            if person.box_xyxy is not None and (person.visible > 0 or index == self._target)
+        ]
+        boxes = _clipped([truth.people[index].box_xyxy or (0, 0, 0, 0) for index in present], size)
+        ids = [track.id for track in tracks.tracks]
+        overlaps = iou_matrix(_clipped([track.box_xyxy for track in tracks.tracks], size), boxes)
+        rows, columns = best_pairs(overlaps, _LEAST_IOU)
+        return {ids[row]: present[column] for row, column in zip(rows, columns, strict=True)}
+
+    def record(self, moment: Moment, state: FollowState, people_by_track: dict[int, int]) -> None:
+        """Write down this moment.
+
+        Args:
+            moment: the world.
+            state: what the follower does now.
+            people_by_track: of the newest tracks that the follower has.
+        """
+        self._moments.append(moment)
+        acting = state.state in _ACTING and state.target.track_id is not None
+        on = people_by_track.get(state.target.track_id or 0, NOBODY) if acting else NOBODY
+        self._followed.append(on)
+        self._states.append(state.state)
+
+    def log(self) -> EpisodeLog:
+        """Everything that was written down."""
+        robot = np.array([moment.robot for moment in self._moments])
+        people = np.array([moment.people_m for moment in self._moments])
+        target = people[:, self._target]
+        floor = Floor(self._world.scenery.obstacles)
+        return EpisodeLog(
+            planned_s=self._world.scenario.duration_s,
+            robot_radius_m=self._world.robot_radius_m,
+            people_radius_m=np.array([person.radius_m for person in self._world.people]),
+            target=self._target,
+            t_s=np.array([moment.t_s for moment in self._moments]),
+            robot_xy_m=robot[:, :2],
+            robot_heading_rad=robot[:, 2],
+            linear_mps=robot[:, 3],
+            angular_radps=robot[:, 4],
+            people_xy_m=people,
+            path_m=floor.path_m(robot[:, :2], target),
+            path_from_start_m=floor.path_m(np.broadcast_to(robot[0, :2], target.shape), target),
+            visible=np.array([moment.visible for moment in self._moments]),
+            followed=np.array(self._followed),
+            contact=np.array([moment.contact for moment in self._moments]),
+            state=np.array(self._states),
+        )
+
+
+def _clipped(boxes: list[tuple[float, float, float, float]], size: tuple[int, int]) -> Reals:
+    """(N, 4) the parts of boxes within the picture; empty boxes where nothing is."""
+    limits = np.array([size[0], size[1], size[0], size[1]], np.float64)
+    return np.clip(np.array(boxes, np.float64).reshape(-1, 4), 0.0, limits)

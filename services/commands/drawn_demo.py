@@ -1,0 +1,56 @@
+"""`heel demo --scene`: a drawn scene through the real processes, the live page, and the scores."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import typer
+
+from schemas.errors import HeelError
+from services.commands.run import PARENT_EXIT_S
+from services.run.options import RunOptions
+
+
+def play_scene(options: RunOptions) -> None:
+    """Run the scene and score its first pass."""
+    # Imported here, in the guarded process: see `guarded`.
+    from services.run.distributed import DistributedRun
+    from services.run.report import print_summary
+    from services.runtime.service import stop_signals
+
+    logging.basicConfig(format="heel: %(message)s", level=logging.WARNING)
+    with stop_signals(PARENT_EXIT_S) as stopping:
+        summary = DistributedRun(options, stopping, logging.getLogger("heel.demo")).run()
+    print_summary(summary, options.out)
+    _print_scores(options.source, options.out)
+
+
+def _print_scores(scene: str, folder: Path) -> None:
+    """Score the first pass of the scene against what was drawn."""
+    from rich.console import Console
+
+    from evaluation.motchallenge import read_tracks
+    from evaluation.report import evaluate, scores_table
+    from services.pipeline import scene_truth
+
+    truth = scene_truth(scene)
+    (folder / "gt.txt").write_text("".join(truth.rows), encoding="ascii")
+    tracks = folder / "tracks.txt"
+    if not tracks.read_text(encoding="ascii"):
+        typer.echo("nobody was tracked: there is nothing to score")
+        return
+    last = int(read_tracks(tracks).frames.max())
+    scored = folder / "first-pass"
+    scored.mkdir(exist_ok=True)
+    for name in ("gt.txt", "tracks.txt"):
+        lines = (folder / name).read_text(encoding="ascii").splitlines(keepends=True)
+        limit = min(last, truth.frame_count)
+        kept = [line for line in lines if int(line.partition(",")[0]) <= limit]
+        (scored / name).write_text("".join(kept), encoding="ascii")
+    try:
+        scores = evaluate(scored / "gt.txt", scored / "tracks.txt")
+    except HeelError as error:
+        typer.echo(f"no scores: {error}")
+        return
+    Console().print(scores_table([scores.model_copy(update={"sequence": scene})]))

@@ -1,0 +1,152 @@
+"""`heel scenarios`: the stack's cores in a closed loop with a simulated world, and its scores."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from schemas.errors import SettingsError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from evaluation.scenarios.parallel import EpisodeTask, Run
+    from evaluation.scenarios.report import EpisodeResult, Mode, ScenarioReport
+
+
+def scenarios(
+    episodes: Annotated[
+        int, typer.Option(min=1, max=100_000, help="how many, the scenarios in turn")
+    ] = 42,
+    seed: Annotated[
+        int, typer.Option(min=0, help="of the first world of each scenario; the others count up")
+    ] = 0,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=256, help="processes [default: one a core]")
+    ] = None,
+    scenario: Annotated[
+        list[str] | None,
+        typer.Option(help="only this one; may be repeated [default: all]", metavar="NAME"),
+    ] = None,
+    boxes: Annotated[
+        bool,
+        typer.Option(
+            "--boxes/--pixels",
+            help="the simulator's own person boxes with realistic errors, which is never the full "
+            "stack; or rendered pictures and the detector",
+        ),
+    ] = True,
+    processes: Annotated[
+        bool,
+        typer.Option(
+            "--processes",
+            help="through the real processes, in real time and one at a time, instead of their "
+            "cores on a simulated clock",
+        ),
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="folder for a picture and the scores of every episode", metavar="DIR"),
+    ] = None,
+    video: Annotated[
+        bool, typer.Option("--video", help="also what the robot sees, as DIR/*.mp4; renders")
+    ] = False,
+    config: Annotated[
+        Path | None, typer.Option(help="settings file (TOML)", metavar="FILE")
+    ] = None,
+) -> None:
+    """Follow people through simulated scenarios, and score it."""
+    from evaluation.scenarios.parallel import spread
+    from services.simulator.scenarios import SCENARIOS
+
+    names = scenario or list(SCENARIOS)
+    if unknown := [name for name in names if name not in SCENARIOS]:
+        raise SettingsError(f"no scenario {unknown[0]!r}: choose of {', '.join(SCENARIOS)}")
+    if video and out is None:
+        raise SettingsError("--video writes its films into a folder: give --out DIR, too")
+    if processes and (video or not boxes):
+        raise SettingsError("--processes runs on simulated boxes and films nothing: leave out "
+                            "--pixels and --video")  # fmt: skip
+    tasks = spread(names, episodes, seed, out, video)
+    mode: Mode = "simulated boxes" if boxes else "pixels"
+    if processes:
+        from services.run.guard import guarded
+
+        raise typer.Exit(guarded(lambda: _run_processes(tasks, seed, config, as_json, out)))
+    _run_cores(tasks, seed, mode, config, jobs, as_json, out)
+
+
+def _run_cores(
+    tasks: list[EpisodeTask], seed: int, mode: Mode, config: Path | None, jobs: int | None,
+    as_json: bool, out: Path | None,
+) -> None:  # fmt: skip
+    from evaluation.scenarios.episode import load_stack, run_episode
+    from evaluation.scenarios.report import make_report
+
+    run = partial(run_episode, load_stack(mode, config))
+    results, wall_s = _run_all(run, tasks, jobs or os.cpu_count() or 1)
+    _tell(make_report(results, seed, mode, wall_s), results, as_json, out)
+
+
+def _run_processes(
+    tasks: list[EpisodeTask], seed: int, config: Path | None, as_json: bool, out: Path | None
+) -> None:
+    from evaluation.scenarios.episode import load_stack, run_in_processes
+    from evaluation.scenarios.report import make_report
+    from services.commands.run import PARENT_EXIT_S
+    from services.runtime.service import stop_signals
+
+    mode: Mode = "simulated boxes"
+    with stop_signals(PARENT_EXIT_S) as stopping:
+        run = partial(run_in_processes, load_stack(mode, config), config, stopping)
+        results, wall_s = _run_all(run, tasks, 1)
+    _tell(make_report(results, seed, mode, wall_s, "processes"), results, as_json, out)
+
+
+def _run_all(run: Run, tasks: list[EpisodeTask], jobs: int) -> tuple[list[EpisodeResult], float]:
+    from evaluation.scenarios.parallel import run_all
+
+    started_s = time.monotonic()
+    with _progress() as progress:
+        bar = progress.add_task("episodes", total=len(tasks))
+        results = run_all(run, tasks, jobs, lambda: progress.advance(bar))
+    return results, time.monotonic() - started_s
+
+
+def _tell(
+    report: ScenarioReport, results: list[EpisodeResult], as_json: bool, out: Path | None
+) -> None:
+    from rich.console import Console
+
+    from evaluation.scenarios.report import report_table, write_episodes
+
+    if out is not None:
+        write_episodes(results, report.mode, out / "episodes.jsonl")
+    if as_json:
+        typer.echo(report.model_dump_json())
+    else:
+        Console(soft_wrap=True).print(report_table(report))
+
+
+def _progress() -> Progress:
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    console = Console(file=sys.stderr)
+    return Progress(
+        TextColumn("episodes"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+        console=console, disable=not console.is_terminal,
+    )  # fmt: skip

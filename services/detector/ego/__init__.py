@@ -1,0 +1,1 @@
+"""A background that is carried along with a camera that moves."""

@@ -1,0 +1,148 @@
+"""The drive: may the wheels turn, and how fast. No transport, no clock of its own."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from schemas import DriveState, MotionCommand
+from services.drive.settings import DriveSettings
+from services.runtime.streams import ProducerGate
+
+_MAX_STEP_S = 0.2
+"""A step that comes late must not be a leap in speed."""
+_State = Literal["waiting", "driving", "stopped"]
+
+
+class Drive:
+    """Turns motion commands into what the wheels are told, within limits of its own.
+
+    Call `take` for every command and `step` at a fixed rate. Wheels turn only while the newest
+    command of one producer is younger than its time to live and no emergency stop holds. Limits
+    on acceleration shape the start of a motion and never prolong it: zero comes at once, or with
+    `braking_mps2` where that is set. Turning always stops at once.
+
+    Args:
+        settings: limits and times.
+        gate: who is believed; another one takes over when the first has been silent.
+    """
+
+    def __init__(self, settings: DriveSettings, gate: ProducerGate | None = None) -> None:
+        self.settings = settings
+        self._gate = gate or ProducerGate()
+        self._producer: str | None = None
+        self._command: MotionCommand | None = None
+        self._taken_seq = -1
+        self._taken_s = 0.0
+        self._idle: tuple[_State, str] = ("waiting", "no command yet")
+        self._estop = False
+        self._stepped_s: float | None = None
+        self._linear_mps = self._angular_radps = 0.0
+        self._seq = 0
+
+    def take(self, command: MotionCommand, producer: str, now_s: float) -> bool:
+        """Take a command that has just arrived; False if it is not to be obeyed.
+
+        Args:
+            command: as decoded, so all its numbers are finite.
+            producer: who sent it. One producer is obeyed until it has been silent.
+            now_s: monotonic time of its arrival.
+        """
+        if not self._gate.accepts(producer, now_s):
+            return False
+        if producer == self._producer and command.seq <= self._taken_seq:
+            return False
+        self._producer, self._taken_seq = producer, command.seq
+        if not self._estop:
+            self._command, self._taken_s = command, now_s
+        return True
+
+    def set_estop(self, engaged: bool) -> None:
+        """Engage or release the emergency stop; after it only a new command moves anything."""
+        self._estop = engaged
+        if engaged:
+            self._forget("no command since the emergency stop")
+
+    def end(self) -> None:
+        """The commands have ended by themselves: stop without waiting for the watchdog."""
+        self._forget("the commands have ended")
+
+    def halt(self, reason: str, now_s: float) -> DriveState:
+        """Zero at once, whatever braking is set: the drive itself ends."""
+        self._forget(reason)
+        self._linear_mps = self._angular_radps = 0.0
+        return self._told("stopped", reason, now_s)
+
+    def step(self, now_s: float) -> DriveState:
+        """What the wheels are told from this moment on.
+
+        Args:
+            now_s: monotonic time, not before that of the last step.
+        """
+        dt_s = 0.0 if self._stepped_s is None else max(0.0, now_s - self._stepped_s)
+        self._stepped_s = now_s
+        self._watch(now_s)
+        state, reason, linear_mps, angular_radps = self._wished()
+        s = self.settings
+        self._linear_mps = _slew(
+            self._linear_mps, linear_mps, s.max_linear_mps2 * min(dt_s, _MAX_STEP_S),
+            math.inf if s.braking_mps2 is None else s.braking_mps2 * dt_s,
+        )  # fmt: skip
+        self._angular_radps = _slew(
+            self._angular_radps, angular_radps, s.max_angular_radps2 * min(dt_s, _MAX_STEP_S),
+            math.inf,
+        )  # fmt: skip
+        if state != "driving" and self._linear_mps:
+            state, reason = "driving", f"braking: {reason}"[:96]
+        return self._told(state, reason, now_s)
+
+    def _forget(self, reason: str) -> None:
+        self._command = None
+        self._idle = "stopped", reason
+
+    def _watch(self, now_s: float) -> None:
+        """Forget the command when its time is over."""
+        if self._command is None:
+            return
+        ttl_s = min(self.settings.ttl_s, self._command.ttl_s)
+        if not 0.0 <= now_s - self._taken_s < ttl_s:
+            self._forget(f"no command for {ttl_s:g} s")
+
+    def _wished(self) -> tuple[_State, str, float, float]:
+        """State, reason, linear and angular velocity before limits on acceleration."""
+        if self._estop:
+            return "stopped", "emergency stop", 0.0, 0.0
+        if self._command is None:
+            return *self._idle, 0.0, 0.0
+        s, command = self.settings, self._command
+        linear_mps = min(max(command.linear_mps, -s.max_reverse_mps), s.max_linear_mps)
+        angular_radps = min(max(command.angular_radps, -s.max_angular_radps), s.max_angular_radps)
+        if linear_mps or angular_radps:
+            return "driving", command.reason, linear_mps, angular_radps
+        return "stopped", f"told to: {command.reason}"[:96], 0.0, 0.0
+
+    def _told(self, state: _State, reason: str, now_s: float) -> DriveState:
+        self._seq += 1
+        command = self._command
+        return DriveState(
+            seq=self._seq - 1,
+            state=state,
+            reason=reason,
+            estop=self._estop,
+            driver=self.settings.driver,
+            linear_mps=self._linear_mps,
+            angular_radps=self._angular_radps,
+            command_seq=None if command is None else command.seq,
+            command_age_s=None if command is None else now_s - self._taken_s,
+        )
+
+
+def _slew(present: float, wished: float, speed_up: float, slow_down: float) -> float:
+    """The next velocity on the way from `present` to `wished`, steps given as magnitudes.
+
+    A change of direction passes through zero.
+    """
+    kept = abs(wished) if present * wished > 0 else 0.0
+    if kept < abs(present):
+        return math.copysign(max(kept, abs(present) - slow_down), present)
+    return math.copysign(min(abs(wished), abs(present) + speed_up), wished)

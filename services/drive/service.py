@@ -1,0 +1,208 @@
+"""The drive as a process: commands and the emergency stop in, wheels and `robot/drive` out.
+
+One loop at a fixed rate is the watchdog: it goes round whether messages arrive or not.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from contextlib import ExitStack
+
+from pydantic import ValidationError
+
+from schemas import (
+    DriveState,
+    EndOfStream,
+    EStop,
+    MessageError,
+    MotionCommand,
+    Odometry,
+    decode,
+    keys,
+)
+from services.drive.core import Drive
+from services.drive.drivers import OdometryReading, open_driver
+from services.drive.settings import DriveServiceSettings
+from services.drive.wheels import DriverError, Wheels
+from services.runtime import qos
+from services.runtime.inbox import Arrival
+from services.runtime.latched import LatchedQuery
+from services.runtime.publishing import Latched, latched_values
+from services.runtime.service import ServiceContext, end_within, run_service
+from services.runtime.settings import Loaded
+from services.runtime.streams import Received
+
+_EXIT_S = 1.0
+"""From a failed driver to the end of the process, whatever else hangs."""
+
+
+class DriveService:
+    """Wires the drive core to its topics and its driver."""
+
+    def __init__(
+        self, context: ServiceContext[DriveServiceSettings], wheels: Wheels, resources: ExitStack
+    ) -> None:
+        self._context = context
+        self._wheels = wheels
+        self._commands = context.subscribe("command", keys.FOLLOW_COMMAND, qos.COMMAND)
+        self._drive = Drive(context.settings, self._commands.gate)
+        self._newest: Received[MotionCommand] | None = None
+        self._told = ("", "")
+        self._ended = False
+        self._odometry_seq = 0
+        context.inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
+        self._out = context.publisher(keys.ROBOT_DRIVE, qos.DRIVE)
+        self._odometry = context.publisher(keys.ROBOT_ODOMETRY, qos.ODOMETRY)
+        self._asked = LatchedQuery(context.session, keys.FOLLOW_ESTOP, EStop)
+        self._estop = resources.enter_context(
+            Latched(context.session, keys.FOLLOW_ESTOP, qos.ESTOP)
+        )
+
+    def run(self) -> None:
+        """Drive until the service is stopped, then stand.
+
+        Raises:
+            DriverError: the driver failed.
+        """
+        reason = "the drive ends"
+        try:
+            self._catch_up()
+            self._context.announce()
+            self._go_round()
+        except DriverError as error:
+            end_within(_EXIT_S)
+            reason = str(error)[:96]
+            raise
+        finally:
+            if not self._wheels.finish():
+                self._context.log.error(
+                    "the driver did not stop: this process ends, and the board's own watchdog "
+                    "has to stop the wheels"
+                )
+            self._publish(self._drive.halt(reason, time.monotonic()), 0.0)
+
+    def _go_round(self) -> None:
+        period_s = 1.0 / self._context.settings.rate_hz
+        due_s = time.monotonic()
+        while self._context.running and not self._ended:
+            now_s = time.monotonic()
+            if now_s >= due_s:
+                self._round()
+                due_s = max(due_s + period_s, now_s)
+                continue
+            arrival = self._context.inbox.get(due_s - now_s)
+            # Speeding up waits for its turn, a stop does not.
+            if arrival is not None and self._stops(arrival):
+                self._round()
+
+    def _round(self) -> None:
+        started_s = time.monotonic()
+        state = self._drive.step(started_s)
+        self._wheels.turn(state.linear_mps, state.angular_radps)
+        self._publish(state, time.monotonic() - started_s)
+        if (reading := self._wheels.odometry()) is not None:
+            self._publish_odometry(reading)
+        if state.command_seq is None and not state.estop:
+            # Commands stopped, perhaps because the link was down, and with it a stop went by.
+            self._ask_again(started_s)
+
+    def _publish(self, state: DriveState, busy_s: float) -> None:
+        now_s = time.monotonic()
+        age_s = 0.0 if self._newest is None else self._newest.age_s(now_s)
+        self._out.send(state, age_s)
+        self._context.statistics.output(now_s, busy_s, age_s)
+        if (state.state, state.reason) != self._told:
+            self._told = state.state, state.reason
+            self._context.log.info("%s: %s", *self._told)
+
+    def _publish_odometry(self, reading: OdometryReading) -> None:
+        try:
+            message = Odometry(
+                seq=self._odometry_seq,
+                x_m=reading.x_m,
+                y_m=reading.y_m,
+                heading_rad=math.remainder(reading.heading_rad, 2.0 * math.pi),
+                linear_mps=reading.linear_mps,
+                angular_radps=reading.angular_radps,
+            )
+        except (ValidationError, ValueError) as error:
+            self._context.warn.warning(
+                "odometry", f"driver {self._context.settings.driver} gives no valid odometry "
+                f"({' '.join(str(error).split())[:200]}): check the driver", time.monotonic(),
+            )  # fmt: skip
+            return
+        self._odometry.send(message, 0.0)
+        self._odometry_seq += 1
+
+    def _stops(self, arrival: Arrival) -> bool:
+        """Take a message; True if the wheels have to stand because of it."""
+        if arrival.topic == "estop":
+            return self._hear_estop(arrival)
+        if arrival.encoding == EndOfStream.encoding():
+            return self._end(arrival)
+        received = self._commands.message(arrival, MotionCommand)
+        if received is None:
+            return False
+        command = received.message
+        taken = self._drive.take(command, received.stamp.producer, arrival.arrived_s)
+        self._commands.report_rivals(arrival)
+        if not taken:
+            return False
+        self._newest = received
+        self._context.statistics.input(arrival.arrived_s)
+        return command.linear_mps == 0.0 and command.angular_radps == 0.0
+
+    def _end(self, arrival: Arrival) -> bool:
+        end = self._commands.end(arrival)
+        if end is None:
+            return False
+        self._drive.end()
+        self._ended = self._context.settings.exit_at_end
+        return True
+
+    def _hear_estop(self, arrival: Arrival) -> bool:
+        try:
+            estop = decode(EStop, arrival.payload, arrival.encoding)
+        except MessageError as error:
+            self._context.statistics.malformed += 1
+            self._context.warn.warning("estop", f"{arrival.key}: {error}", arrival.arrived_s)
+            return False
+        self._take_estop(estop)
+        return estop.engaged
+
+    def _take_estop(self, estop: EStop) -> None:
+        self._estop.keep(estop)
+        self._drive.set_estop(estop.engaged)
+        self._context.log.warning("e-stop %s by %s", "engaged" if estop.engaged else "released",
+                                  estop.source)  # fmt: skip
+
+    def _catch_up(self) -> None:
+        """Ask for the stop: a drive that restarts must not forget it. One that holds wins."""
+        for estop in latched_values(
+            self._context.session, keys.FOLLOW_ESTOP, EStop, self._context.log
+        ):
+            if estop.engaged:
+                self._take_estop(estop)
+
+    def _ask_again(self, now_s: float) -> None:
+        try:
+            estop = self._asked.poll(now_s)
+        except MessageError as error:
+            self._context.warn.warning("estop-asked", f"{keys.FOLLOW_ESTOP}: {error}", now_s)
+            return
+        if estop is not None and estop.engaged:
+            self._take_estop(estop)
+
+
+def serve(context: ServiceContext[DriveServiceSettings]) -> None:
+    """Drive until the service is stopped or its driver fails."""
+    s = context.settings
+    wheels = Wheels(open_driver(s.driver, s.driver_options), s.driver_deadline_s, s.ttl_s)
+    with ExitStack() as resources:
+        DriveService(context, wheels, resources).run()
+
+
+def run(loaded: Loaded[DriveServiceSettings]) -> int:
+    """Run the drive process; returns its exit code."""
+    return run_service("drive", loaded, serve)

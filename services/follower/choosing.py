@@ -1,0 +1,78 @@
+"""Who is meant: the nearest, the one at a point, the one who stands before the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from schemas import Track, Tracks
+from services.follower.people import Person
+
+
+def seen_well(tracks: Tracks) -> list[Track]:
+    """Those who are confirmed and seen in this frame."""
+    return [track for track in tracks.tracks if track.shown and track.state == "tracked"]
+
+
+def nearest(tracks: Tracks) -> Track | None:
+    """The person who appears largest, among those who are seen well now."""
+    return max(
+        seen_well(tracks),
+        key=lambda track: (track.box_xyxy[3] - track.box_xyxy[1], -track.id),
+        default=None,
+    )
+
+
+def at_point(tracks: Tracks, x_px: float, y_px: float) -> Track | None:
+    """The shown person whose box holds the point; of several, the one whose centre is nearest."""
+
+    def off_centre(track: Track) -> float:
+        left, top, right, bottom = track.box_xyxy
+        return math.hypot((left + right) / 2 - x_px, (top + bottom) / 2 - y_px)
+
+    hit = [
+        track
+        for track in tracks.tracks
+        if track.shown
+        and track.box_xyxy[0] <= x_px <= track.box_xyxy[2]
+        and track.box_xyxy[1] <= y_px <= track.box_xyxy[3]
+    ]
+    return min(hit, key=off_centre, default=None)
+
+
+class Imprinting:
+    """Waits until one person has stood before the robot for a while."""
+
+    def __init__(self, for_s: float, within_m: float, half_angle_rad: float) -> None:
+        self._for_s = for_s
+        self._within_m = within_m
+        self._half_angle_rad = half_angle_rad
+        self._candidate: int | None = None
+        self._since_s = 0.0
+
+    @property
+    def candidate(self) -> int | None:
+        """Who stands there now."""
+        return self._candidate
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._candidate = None
+
+    def update(self, people: Iterable[Person], now_s: float) -> int | None:
+        """Take a frame's people; returns who has stood there long enough.
+
+        Two who stand there at once are one too many: which of them is meant is not guessed.
+        """
+        before = [
+            person.id
+            for person in people
+            if person.distance_m <= self._within_m
+            and abs(person.bearing_rad) <= self._half_angle_rad
+        ]
+        candidate = before[0] if len(before) == 1 else None
+        if candidate != self._candidate:
+            self._candidate, self._since_s = candidate, now_s
+        if candidate is None or now_s - self._since_s < self._for_s:
+            return None
+        return candidate

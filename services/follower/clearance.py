@@ -1,0 +1,92 @@
+"""How far the robot may go before it meets a thing or comes too near to a person."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas import Ranges
+
+_LOOK_AHEAD_S = (0.25, 0.5, 0.75, 1.0)
+_BESIDE_RAD = math.pi / 3
+_PEOPLE_STOP_MPS2 = 3.0
+"""How hard somebody who walks can brake."""
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """The robot as a disc.
+
+    Attributes:
+        margin_m: kept free around it.
+    """
+
+    radius_m: float
+    margin_m: float
+
+
+class Sectors:
+    """Ranges as arrays: they are asked about several directions fifty times a second."""
+
+    def __init__(self, ranges: Ranges) -> None:
+        table = np.array([(s.bearing_rad, s.width_rad, s.distance_m) for s in ranges.sectors])
+        self._bearing, self._width, self._distance = table.reshape(-1, 3).T
+
+    def free_m(self, body: Body, direction_rad: float = 0.0) -> float | None:
+        """How far the robot's front may go straight on in a direction; at least 0.
+
+        A sector says that something may be anywhere on its arc, so its edge nearest to the path
+        counts. None: no sector looks that way.
+        """
+        off = np.abs(np.remainder(self._bearing - direction_rad + math.pi, 2 * math.pi) - math.pi)
+        nearest = np.maximum(off - self._width / 2, 0.0)
+        if not (nearest == 0.0).any():
+            return None
+        # A wall close beside must not hold up a robot that drives along it.
+        margin_m = np.where(nearest < _BESIDE_RAD, body.margin_m, 0.0)
+        space_m = body.radius_m + margin_m
+        beside_m = self._distance * np.sin(nearest)
+        met = (nearest < math.pi / 2) & (beside_m < space_m)
+        along_m = self._distance * np.cos(nearest)
+        free_m = along_m[met] - np.sqrt(space_m[met] ** 2 - beside_m[met] ** 2)
+        return max(0.0, float(free_m.min(initial=math.inf)))
+
+
+def room_before_person_m(
+    place: tuple[float, float], velocity: tuple[float, float], space_m: float
+) -> float:
+    """How far the robot may go straight ahead before somebody is nearer than `space_m`.
+
+    The person is taken to stop as hard as people can or to walk on for up to a second, whichever
+    is worse. Somebody within that space counts only while the robot heads at them.
+
+    Args:
+        place: of the person, metres ahead and to the left.
+        velocity: of the person in the same axes.
+        space_m: that is to be kept from the robot's centre.
+
+    Returns:
+        Infinite for somebody who is behind or aside, at least 0.
+    """
+    room_m = math.inf
+    stops_within_s = math.hypot(*velocity) / (2 * _PEOPLE_STOP_MPS2)
+    for t_s in (stops_within_s, *_LOOK_AHEAD_S):
+        x = place[0] + velocity[0] * t_s
+        y = place[1] + velocity[1] * t_s
+        if (
+            x > 0
+            and abs(y) < space_m
+            and not (math.hypot(x, y) < space_m and math.atan2(abs(y), x) > _BESIDE_RAD)
+        ):
+            room_m = min(room_m, x - math.sqrt(space_m * space_m - y * y))
+    return max(0.0, room_m)
+
+
+def speed_to_stop_within_mps(room_m: float, braking_mps2: float, delay_s: float) -> float:
+    """The greatest speed from which the robot stands within `room_m`, its delay included."""
+    if room_m == math.inf:
+        return math.inf
+    lag = braking_mps2 * delay_s
+    return math.sqrt(lag * lag + 2 * braking_mps2 * room_m) - lag

@@ -1,0 +1,58 @@
+"""Looking round for somebody who is out of sight: by turning only, so far and no longer."""
+
+from __future__ import annotations
+
+import math
+
+from services.follower.own_motion import Pose
+
+_REACHED_RAD = 0.08
+
+
+class Search:
+    """Looks where the person is expected, then to both sides, and gives up.
+
+    In the end it faces where the person was last seen: who has gone behind something comes back
+    there sooner than through the wall.
+
+    Args:
+        start: where the robot is now.
+        expected: place at which the person is expected.
+        last_seen: place at which the person was last seen.
+        sideways: which side the person was going to, +1 left, -1 right.
+        sweep_rad: how far to either side of the expected place.
+    """
+
+    def __init__(
+        self,
+        start: Pose,
+        expected: tuple[float, float],
+        last_seen: tuple[float, float],
+        sideways: float,
+        sweep_rad: float,
+    ) -> None:
+        first_rad = _heading_rad(start, expected)
+        offsets = (0.0, sideways * sweep_rad, -sideways * sweep_rad)
+        self._headings = [first_rad + offset for offset in offsets]
+        self._headings.append(_heading_rad(start, last_seen))
+        self._leg = 0
+
+    @property
+    def over(self) -> bool:
+        """Whether the robot has looked everywhere it may."""
+        return self._leg >= len(self._headings)
+
+    def bearing_rad(self, pose: Pose) -> float:
+        """Where to turn now, from the robot's present heading; 0 when it is over."""
+        while not self.over:
+            off_rad = self._headings[self._leg] - pose.heading_rad
+            if abs(off_rad) > _REACHED_RAD:
+                return off_rad
+            self._leg += 1
+        return 0.0
+
+
+def _heading_rad(pose: Pose, place: tuple[float, float]) -> float:
+    """The heading that looks at a place, as few turns as possible from the present one."""
+    ahead, left = pose.seen(*place)
+    return pose.heading_rad + math.atan2(left, ahead)

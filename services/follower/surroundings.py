@@ -1,0 +1,111 @@
+"""What limits how far the robot may go now: people in sight, and ranges where there are any."""
+
+from __future__ import annotations
+
+import math
+
+from schemas import Ranges
+from services.follower.clearance import Body, Sectors, room_before_person_m
+from services.follower.own_motion import Pose
+from services.follower.people import People
+from services.follower.settings import FollowerSettings
+
+_TARGET_MARGIN_M = 0.15
+"""Beyond personal space: the target is driven at all the time and stops without warning."""
+_OTHERS_MARGIN_M = 0.2
+"""Who crosses also comes nearer by themselves."""
+_PASSING_SPACE_M = 0.3
+_PASSING_FROM_M, _PASSING_AHEAD_M = 0.8, 5.0
+_WALK_MPS = 0.5
+_GREATEST_SIDESTEP_RAD = 0.35
+"""Keeps the target in the picture of a camera with 60 degrees."""
+_CURVE_S = 0.3
+"""A turning robot also looks where it will be heading by then."""
+
+
+class Surroundings:
+    """Keeps the newest ranges and combines them with the people in sight."""
+
+    def __init__(self, settings: FollowerSettings) -> None:
+        self._settings = settings
+        self._body = Body(settings.robot_radius_m, settings.obstacle_margin_m)
+        self._sectors: Sectors | None = None
+        self._arrived_s = -math.inf
+
+    def observe(self, ranges: Ranges, now_s: float) -> None:
+        """Take free distances at their arrival."""
+        self._sectors, self._arrived_s = Sectors(ranges), now_s
+
+    def stale(self, now_s: float) -> bool:
+        """Whether there were ranges once and they are too old now."""
+        age_s = now_s - self._arrived_s
+        return self._sectors is not None and age_s > self._settings.max_ranges_age_s
+
+    def free_ahead_m(self, now_s: float) -> float | None:
+        """How far the way ahead is free of things; None if no fresh range looks there."""
+        if self._sectors is None or self.stale(now_s):
+            return None
+        return self._sectors.free_m(self._body)
+
+    def room_m(
+        self, people: People, target_id: int | None, pose: Pose, now_s: float, angular_radps: float
+    ) -> tuple[float, float]:
+        """How far the robot may go ahead and back, infinite where nothing says otherwise.
+
+        Args:
+            people: everybody in sight.
+            target_id: who of them is followed.
+            pose: where the robot is now.
+            now_s: the present.
+            angular_radps: how it turns.
+        """
+        ahead_m = behind_m = math.inf
+        for person in people.known.values():
+            place = pose.seen(*person.filter.place_at(now_s))
+            velocity = pose.turned(*person.filter.velocity)
+            margin_m = _TARGET_MARGIN_M if person.id == target_id else _OTHERS_MARGIN_M
+            space_m = self._settings.personal_space_m + margin_m
+            ahead_m = min(ahead_m, room_before_person_m(place, velocity, space_m))
+        if self._sectors is not None:
+            for direction_rad in (0.0, angular_radps * _CURVE_S):
+                free_m = self._sectors.free_m(self._body, direction_rad)
+                ahead_m = min(ahead_m, math.inf if free_m is None else free_m)
+            # Who has ranges but none behind does not back into the unknown.
+            behind_m = self._sectors.free_m(self._body, math.pi) or 0.0
+        return ahead_m, behind_m
+
+    def sidestep_rad(
+        self, people: People, target_id: int | None, way: Pose, now_s: float, linear_mps: float
+    ) -> float:
+        """How far to head beside the target, so that others are passed with space.
+
+        Everybody who would be met too near pushes by the angle that makes up for it at the place
+        where they are met.
+
+        Args:
+            people: everybody in sight.
+            target_id: who of them is followed.
+            way: where the robot is, heading straight to the target.
+            now_s: the present.
+            linear_mps: how fast it drives.
+        """
+        wished_m = self._settings.personal_space_m + _PASSING_SPACE_M
+        # A robot that somebody holds up looks for its way at a walk.
+        speed_mps = max(linear_mps, _WALK_MPS)
+        push_rad = 0.0
+        for person in people.known.values():
+            x_m, y_m = way.seen(*person.filter.place_at(now_s))
+            vx_mps, vy_mps = way.turned(*person.filter.velocity)
+            closing_mps = speed_mps - vx_mps
+            if (
+                person.id == target_id
+                or not _PASSING_FROM_M < x_m < _PASSING_AHEAD_M
+                or closing_mps < 0.1
+            ):
+                continue
+            beside_m = y_m + vy_mps * x_m / closing_mps
+            lacking_m = wished_m - abs(beside_m)
+            if lacking_m > 0:
+                travel_m = max(x_m * speed_mps / closing_mps, 1.0)
+                push_rad -= math.copysign(lacking_m / travel_m, beside_m)
+        return min(max(push_rad, -_GREATEST_SIDESTEP_RAD), _GREATEST_SIDESTEP_RAD)

@@ -1,0 +1,1 @@
+"""Camera geometry that several services share: pure, of numbers and arrays only."""

@@ -1,0 +1,9 @@
+"""What a simulated world refuses."""
+
+from __future__ import annotations
+
+from schemas import HeelError
+
+
+class SimulatorError(HeelError):
+    """A world, camera or scenario that is asked for what it cannot do."""

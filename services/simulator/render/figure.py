@@ -1,0 +1,156 @@
+"""A walking person: head, torso, arms and legs that swing with the stride."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from services.simulator.render import clothes
+from services.simulator.render.materials import texture
+from services.simulator.render.meshes import ellipsoid, loft, node, patch
+from services.simulator.render.panda import core
+from services.simulator.render.stage import SHADOW_SORT
+from services.simulator.state import Colour, PersonState
+
+# Of somebody 1 m tall; from the proportions of the drawn canon of eight heads.
+_HIP, _THIGH, _SHIN, _SHOE = 0.53, 0.255, 0.235, 0.045
+_SHOULDER, _UPPER_ARM, _FOREARM = 0.815, 0.165, 0.15
+_NORMAL_RADIUS_M = 0.25
+_FULL_STRIDE_MPS = 1.2
+_THIGH_SWING_RAD, _KNEE_BEND_RAD, _ARM_SWING_RAD = 0.46, 0.85, 0.5
+
+
+class Figure:
+    """One person's body in the scene graph.
+
+    Args:
+        person: size and clothes; where and how they walk comes with `pose`.
+        weave: pattern of the clothes.
+    """
+
+    def __init__(self, person: PersonState, weave: int) -> None:
+        self.root = core.NodePath(f"person-{person.id}")
+        self._h = person.height_m
+        self._girth = self._h * min(max(person.radius_m / _NORMAL_RADIUS_M, 0.85), 1.15)
+        outfit = person.outfit
+        self._skin = outfit.skin
+        self._shoes = outfit.shoes
+        self._top = texture("top", clothes.top(outfit, weave))
+        self._sleeve = texture("sleeve", clothes.cloth(outfit.top))
+        self._legs_cloth = texture("legs", clothes.cloth(outfit.legs))
+        self._cast_shadow()
+        self._dress_torso()
+        self._set_head(outfit.hair, texture("head", clothes.head(outfit)))
+        self._legs = tuple(self._leg(side) for side in (1, -1))
+        self._arms = tuple(self._arm(side) for side in (1, -1))
+
+    def pose(self, person: PersonState) -> None:
+        """Put the body where the person is, in the step of their stride."""
+        self.root.set_pos(person.x_m, person.y_m, 0.0)
+        self.root.set_h(math.degrees(person.heading_rad))
+        effort = min(1.0, person.speed_mps / _FULL_STRIDE_MPS)
+        bends = []
+        for phase in (person.stride_rad, person.stride_rad + math.pi):
+            thigh = effort * (_THIGH_SWING_RAD * math.sin(phase) + 0.06)
+            # The knee bends while its leg comes forward.
+            knee = effort * (_KNEE_BEND_RAD * max(0.0, math.cos(phase + 0.35)) ** 2 + 0.05)
+            bends.append((thigh, knee))
+        # The longer reach touches the ground, whatever the step: nobody sinks or floats.
+        reach = max(_reach(thigh, knee) for thigh, knee in bends)
+        for (hip, knee_joint, ankle), (thigh, knee) in zip(self._legs, bends, strict=True):
+            hip.get_parent().set_sz(_HIP / reach)
+            hip.set_r(-math.degrees(thigh))
+            knee_joint.set_r(math.degrees(knee))
+            ankle.set_r(-math.degrees(0.75 * (knee - thigh)))
+        for (shoulder, elbow), (thigh, _) in zip(self._arms, reversed(bends), strict=True):
+            swing = thigh / _THIGH_SWING_RAD * _ARM_SWING_RAD
+            shoulder.set_r(-math.degrees(swing))
+            elbow.set_r(-math.degrees(0.15 + effort * 0.25 + max(0.0, swing) * 0.6))
+
+    def _part(
+        self, parent: Any, mesh: Any, cloth: Any = None, colour: Colour = (255, 255, 255)
+    ) -> Any:
+        shape = node("part", mesh, colour)
+        if cloth is not None:
+            shape.set_texture(cloth)
+        shape.reparent_to(parent)
+        return shape
+
+    def _cast_shadow(self) -> None:
+        across = 1.9 * self._girth * _NORMAL_RADIUS_M
+        shape = node("shadow", patch((-across, -across, 0.0), (2 * across, 0, 0),
+                                     (0, 2 * across, 0), (1, 1), (2, 2)))  # fmt: skip
+        shape.set_texture(texture("shadow", clothes.shadow()))
+        shape.set_transparency(core.TransparencyAttrib.M_alpha)
+        # Right after the floor, which it would fight with for depth.
+        shape.set_bin("background", SHADOW_SORT)
+        shape.set_depth_test(False)
+        shape.set_depth_write(False)
+        shape.set_light_off()
+        shape.reparent_to(self.root)
+
+    def _dress_torso(self) -> None:
+        h, g = self._h, self._girth
+        hips = [(0.47, 0.052, 0.072, 0.0), (0.5, 0.066, 0.096, 0.0), (0.55, 0.066, 0.098, 0.0),
+                (0.585, 0.058, 0.086, 0.0)]  # fmt: skip
+        chest = [(0.52, 0.078, 0.113, 0.0), (0.6, 0.066, 0.09, 0.003), (0.66, 0.064, 0.094, 0.006),
+                 (0.73, 0.072, 0.105, 0.006), (0.785, 0.066, 0.11, 0.002),
+                 (0.82, 0.052, 0.097, -0.003), (0.842, 0.036, 0.062, -0.004),
+                 (0.853, 0.026, 0.03, -0.004)]  # fmt: skip
+        for sections, cloth in ((hips, self._legs_cloth), (chest, self._top)):
+            scaled = [(z * h, d * g, w * g, shift * g) for z, d, w, shift in sections]
+            self._part(self.root, loft(scaled, sides=14), cloth)
+
+    def _set_head(self, hair: Colour, face: Any) -> None:
+        h = self._h
+        neck = [(0.83 * h, 0.032 * h, 0.032 * h, -0.004 * h), (0.9 * h, 0.03 * h, 0.03 * h, 0.0)]
+        self._part(self.root, loft(neck, sides=8), colour=self._skin)
+        skull = ellipsoid((0.052 * h, 0.043 * h, 0.066 * h), rings=10, sides=14)
+        self._part(self.root, skull.moved(0.006 * h, 0, 0.927 * h), face)
+        locks = ellipsoid((0.052 * h, 0.0465 * h, 0.05 * h), rings=8, sides=12)
+        self._part(self.root, locks.moved(-0.009 * h, 0, 0.95 * h), colour=hair)
+
+    def _leg(self, side: int) -> tuple[Any, Any, Any]:
+        h, g = self._h, self._girth
+        socket = self.root.attach_new_node("socket")
+        socket.set_pos(0.0, side * 0.052 * g, _HIP * h)
+        hip = socket.attach_new_node("hip")
+        thigh = [(-_THIGH * h, 0.034 * g, 0.033 * g, 0.004 * g), (-0.12 * h, 0.044 * g, 0.043 * g,
+                 0.003 * g), (0.01 * h, 0.05 * g, 0.046 * g, 0.0)]  # fmt: skip
+        self._part(hip, loft(thigh, sides=9), self._legs_cloth)
+        knee = hip.attach_new_node("knee")
+        knee.set_z(-_THIGH * h)
+        shin = [(-_SHIN * h, 0.027 * g, 0.026 * g, -0.004 * g), (-0.09 * h, 0.035 * g, 0.031 * g,
+                -0.007 * g), (0.014 * h, 0.034 * g, 0.033 * g, 0.003 * g)]  # fmt: skip
+        self._part(knee, loft(shin, sides=9), self._legs_cloth)
+        ankle = knee.attach_new_node("ankle")
+        ankle.set_z(-_SHIN * h)
+        shoe = [(-_SHOE * h + 0.005 * h, 0.075 * h, 0.029 * h, 0.03 * h),
+                (-0.018 * h, 0.068 * h, 0.028 * h, 0.026 * h),
+                (0.006 * h, 0.03 * h, 0.025 * h, -0.004 * h)]  # fmt: skip
+        self._part(ankle, loft(shoe, sides=10, flat_ends=True), colour=self._shoes)
+        return hip, knee, ankle
+
+    def _arm(self, side: int) -> tuple[Any, Any]:
+        h, g = self._h, self._girth
+        shoulder = self.root.attach_new_node("shoulder")
+        shoulder.set_pos(-0.002 * g, side * 0.109 * g, _SHOULDER * h)
+        shoulder.set_p(side * 3.0)
+        upper = [
+            (-_UPPER_ARM * h, 0.024 * g, 0.023 * g, 0.0), (-0.08 * h, 0.029 * g, 0.027 * g, 0.0),
+            (-0.01 * h, 0.034 * g, 0.031 * g, 0.0), (0.016 * h, 0.018 * g, 0.018 * g, 0.0),
+        ]  # fmt: skip
+        self._part(shoulder, loft(upper, sides=8), self._sleeve)
+        elbow = shoulder.attach_new_node("elbow")
+        elbow.set_z(-_UPPER_ARM * h)
+        lower = [(-_FOREARM * h, 0.018 * g, 0.016 * g, 0.0), (-0.04 * h, 0.024 * g, 0.023 * g, 0.0),
+                 (0.008 * h, 0.023 * g, 0.022 * g, 0.0)]  # fmt: skip
+        self._part(elbow, loft(lower, sides=8), self._sleeve)
+        hand = ellipsoid((0.02 * h, 0.013 * h, 0.03 * h), rings=5, sides=7)
+        self._part(elbow, hand.moved(0.0, 0.0, -(_FOREARM + 0.02) * h), colour=self._skin)
+        return shoulder, elbow
+
+
+def _reach(thigh_rad: float, knee_rad: float) -> float:
+    """How far a bent leg reaches down from its hip, in body heights."""
+    return _THIGH * math.cos(thigh_rad) + _SHIN * math.cos(thigh_rad - knee_rad) + _SHOE - 0.005

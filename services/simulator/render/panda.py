@@ -1,0 +1,15 @@
+"""Panda3D, the kept renderer, or a clear word that it is not installed."""
+
+from __future__ import annotations
+
+from schemas.errors import HeelError
+
+try:
+    from panda3d import core
+except ImportError:
+    raise HeelError(
+        "panda3d, which draws the simulated camera's picture, is not installed: "
+        "pip install 'heel-follow[sim]'"
+    ) from None
+
+__all__ = ["core"]

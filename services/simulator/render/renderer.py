@@ -1,0 +1,96 @@
+"""A world seen by the robot's camera."""
+
+from __future__ import annotations
+
+import math
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.simulator.render.clothes import weaves_of
+from services.simulator.render.effects import CameraEffects, CameraFilter
+from services.simulator.render.figure import Figure
+from services.simulator.render.offscreen import OffscreenCamera
+from services.simulator.render.stage import Stage
+from services.simulator.state import CameraMount, Outfit, PersonState, Scenery, WorldView
+
+
+class Renderer:
+    """Draws one scenery and whoever walks in it. Use as a context manager.
+
+    Equal worlds give equal pixels, apart from the automatic exposure, which depends on the frames
+    drawn before.
+
+    Args:
+        scenery: what does not move.
+        mount: the camera.
+        effects: what the camera adds; None for those of an ordinary one.
+        seed: of textures, pictures on walls and noise.
+        supersampling: pixels drawn per pixel and axis.
+
+    Raises:
+        HeelError: the software renderer does not start.
+    """
+
+    def __init__(
+        self, scenery: Scenery, mount: CameraMount, effects: CameraEffects | None = None,
+        seed: int = 0, supersampling: float = 1.5,
+    ) -> None:  # fmt: skip
+        self._mount = mount
+        self._camera = OffscreenCamera(mount, supersampling)
+        self._stage = Stage(scenery, seed)
+        self._stage.root.reparent_to(self._camera.root)
+        for light in self._stage.lights:
+            self._camera.root.set_light(light)
+        self._figures: dict[int, tuple[Outfit, Figure]] = {}
+        focal_px = mount.width_px / (2 * math.tan(mount.horizontal_fov_rad / 2))
+        size = mount.height_px, mount.width_px
+        self._filter = CameraFilter(effects or CameraEffects(), size, focal_px, seed)
+
+    def draw(self, world: WorldView) -> NDArray[np.uint8]:
+        """The camera's picture, (H, W, 3) uint8 BGR."""
+        picture = self.draw_clean(world)
+        turn_radps = world.robot.angular_radps
+        return self._filter.apply(picture, world.t_s, world.brightness, turn_radps)
+
+    def draw_clean(self, world: WorldView) -> NDArray[np.uint8]:
+        """The same in normal light by a perfect camera."""
+        robot, mount = world.robot, self._mount
+        eye = robot.x_m, robot.y_m, mount.height_m
+        self._camera.place(eye, robot.heading_rad, mount.pitch_rad)
+        self._stage.centre_far_view(*eye)
+        self._cast(world.people)
+        return self._camera.draw()
+
+    def _cast(self, people: tuple[PersonState, ...]) -> None:
+        """Pose everybody; bodies come and go with their people."""
+        present = {person.id for person in people}
+        for gone in self._figures.keys() - present:
+            self._figures.pop(gone)[1].root.remove_node()
+        weaves = weaves_of([person.outfit for person in people])
+        for person, weave in zip(people, weaves, strict=True):
+            worn, figure = self._figures.get(person.id, (None, None))
+            if figure is None or worn != person.outfit:
+                if figure is not None:
+                    figure.root.remove_node()
+                figure = Figure(person, weave)
+                figure.root.reparent_to(self._camera.root, person.id)
+                self._figures[person.id] = person.outfit, figure
+            figure.pose(person)
+
+    def close(self) -> None:
+        """Give the memory back."""
+        self._figures.clear()
+        self._stage.root.remove_node()
+        self._camera.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:  # fmt: skip
+        self.close()

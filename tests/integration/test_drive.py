@@ -1,0 +1,253 @@
+"""The drive as a process: what it obeys, what it refuses, and how it stops."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgpack
+import pytest
+import zenoh
+
+from schemas import EndOfStream, EStop, MotionCommand, Odometry, decode, encode, keys
+from services.runtime import qos
+from services.runtime.publishing import Latched
+from tests.support import network
+from tests.support.driving import OTHER, Robot, drive_process, motion, next_seq, stamp
+from tests.support.network import wait_until
+from tests.support.processes import REPOSITORY, finished, running
+from tests.support.service_faults import FAULTS, Put, broken
+
+BOARD = """
+import pathlib, time
+from services.drive.drivers import Driver, OdometryReading
+class Board(Driver):
+    def __init__(self, options):
+        self.file, _, self.fault = options.partition("|")
+    def set_velocity(self, linear_mps, angular_radps):
+        if linear_mps and self.fault == "raise":
+            raise OSError("the board is gone")
+        if linear_mps and self.fault == "hang":
+            time.sleep(60)
+    def stop(self):
+        pathlib.Path(self.file).write_text("stopped")
+    def odometry(self):
+        return OdometryReading(1.0, 2.0, 7.0, 0.5, 0.0)
+"""
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[str]:
+    with network.router() as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def session(endpoint: str) -> Iterator[zenoh.Session]:
+    with network.client(endpoint) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def robot(endpoint: str, session: zenoh.Session) -> Iterator[Robot]:
+    with drive_process(endpoint, session) as made:
+        wait_until(lambda: made.health is not None, "health", 30.0)
+        yield made
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> dict[str, str]:
+    """Environment in which a package is installed that brings the driver `board`."""
+    (tmp_path / "some_board.py").write_text(BOARD)
+    info = tmp_path / "some_board-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: some-board\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[heel.drivers]\nboard = some_board:Board\n")
+    return {"PYTHONPATH": os.pathsep.join([str(REPOSITORY), str(tmp_path)])}
+
+
+def put(session: zenoh.Session, message: Put) -> None:
+    session.put(
+        message.key, message.payload, encoding=message.encoding, attachment=message.attachment,
+        congestion_control=zenoh.CongestionControl.BLOCK,
+    )  # fmt: skip
+
+
+def press(session: zenoh.Session, engaged: bool) -> None:
+    estop = EStop(engaged=engaged, source="test")
+    put(session, Put(keys.FOLLOW_ESTOP, encode(estop), estop.encoding()))
+
+
+GOOD = {
+    "command": Put(keys.FOLLOW_COMMAND, encode(motion(0)), MotionCommand.encoding(), stamp()),
+    "estop": Put(
+        keys.FOLLOW_ESTOP, encode(EStop(engaged=False, source="test")), EStop.encoding()
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("topic", GOOD)
+def test_bad_messages_are_counted_and_move_nothing(
+    robot: Robot, session: zenoh.Session, topic: str, fault: str
+) -> None:
+    before = robot.refused()
+    put(session, broken(GOOD[topic], topic, fault))
+    wait_until(lambda: robot.refused() == before + 1, "the count in health")
+    assert robot.process.alive
+    assert not robot.drives()
+    assert "Traceback" not in robot.process.stderr()
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308])
+def test_numbers_that_are_none_are_refused_by_name(
+    robot: Robot, session: zenoh.Session, value: float
+) -> None:
+    before = robot.refused()
+    spoilt = msgpack.packb(motion(next_seq()).model_dump() | {"linear_mps": value})
+    put(session, Put(keys.FOLLOW_COMMAND, spoilt, MotionCommand.encoding(), stamp()))
+    wait_until(lambda: robot.refused() == before + 1, "the count in health")
+    assert not robot.drives()
+    assert any("command: linear_mps: " in line for line in robot.complaints("warning"))
+
+
+def test_it_drives_while_commands_come_and_stands_when_they_stop(robot: Robot) -> None:
+    with robot.commanded(first_seq=next_seq()):
+        wait_until(robot.drives, "driving")
+    wait_until(lambda: robot.stands_because("no command for 0.5 s"), "the watchdog")
+
+
+def test_of_two_who_command_the_first_is_obeyed_and_both_are_named(robot: Robot) -> None:
+    with robot.commanded(first_seq=next_seq(), linear_mps=0.2):
+        wait_until(robot.drives, "driving")
+        with robot.commanded(OTHER, linear_mps=0.9):
+            wait_until(
+                lambda: robot.health is not None and "two producers" in robot.health.reason,
+                "the problem in health",
+            )
+            assert robot.newest is not None
+            assert robot.newest.linear_mps <= 0.2
+            assert robot.health is not None
+            assert OTHER in robot.health.reason
+    wait_until(lambda: robot.stands_because("no command"), "the watchdog")
+
+
+def test_the_end_of_the_commands_is_a_stop(robot: Robot, session: zenoh.Session) -> None:
+    with robot.commanded(first_seq=next_seq()):
+        wait_until(robot.drives, "driving")
+    end = EndOfStream(stream="front", epoch=1, frames=9, reason="test")
+    put(session, Put(keys.FOLLOW_COMMAND, encode(end), end.encoding()))
+    wait_until(lambda: robot.stands_because("the commands have ended"), "the end")
+
+
+def test_an_emergency_stop_holds_and_is_told_to_those_who_ask(
+    robot: Robot, session: zenoh.Session
+) -> None:
+    with robot.commanded(first_seq=next_seq()):
+        wait_until(robot.drives, "driving")
+        press(session, True)
+        wait_until(lambda: robot.stands_because("emergency stop"), "the stop")
+        (reply,) = list(session.get(keys.FOLLOW_ESTOP, timeout=5.0))
+        assert reply.ok is not None
+        assert decode(EStop, reply.ok.payload.to_bytes(), str(reply.ok.encoding)).engaged
+        press(session, False)
+        wait_until(robot.drives, "driving again")
+
+
+def test_a_drive_that_starts_while_the_stop_holds_stands() -> None:
+    with network.router() as own, network.client(own) as client:
+        with Latched(client, keys.FOLLOW_ESTOP, qos.ESTOP) as kept:
+            kept.keep(EStop(engaged=True, source="before"))
+            with drive_process(own, client) as robot, robot.commanded():
+                wait_until(lambda: robot.stands_because("emergency stop"), "the stop")
+
+
+def test_a_stop_that_went_by_while_nothing_came_is_asked_for() -> None:
+    """As after a link that was down: the stop was published meanwhile, and somebody knows it."""
+    with network.router() as own, network.client(own) as client:
+        with drive_process(own, client) as robot:
+            wait_until(lambda: robot.newest is not None, "the drive")
+            with Latched(client, keys.FOLLOW_ESTOP, qos.ESTOP) as kept:
+                kept.keep(EStop(engaged=True, source="meanwhile"))
+                wait_until(lambda: robot.stands_because("emergency stop"), "the stop")
+
+
+def test_a_follower_that_starts_while_the_drive_holds_the_stop_stands() -> None:
+    with network.router() as own, network.client(own) as client:
+        with drive_process(own, client) as robot:
+            wait_until(lambda: robot.newest is not None, "the drive")
+            press(client, True)
+            wait_until(lambda: robot.stands_because("emergency stop"), "the stop")
+            with network.collected(client, keys.FOLLOW_COMMAND) as commands:
+                with running("-m", "services.follower", "--connect", own):
+                    sample = commands.get(timeout=30.0)
+    command = decode(MotionCommand, sample.payload.to_bytes(), str(sample.encoding))
+    assert (command.state, command.reason) == ("stopped", "emergency stop")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=lambda n: n.name)
+def test_a_signal_is_zero_at_the_wheels_and_exit_code_0(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    record = tmp_path / "wheels.txt"
+    with network.router() as own, network.client(own) as client:
+        flags = ("--driver", "record", "--driver-options", str(record))
+        with drive_process(own, client, *flags) as robot, robot.commanded():
+            wait_until(robot.drives, "driving")
+            code, took_s = robot.process.stop(number, 10.0)
+            assert (code, took_s < 2.0) == (0, True), robot.process.stderr()
+            wait_until(lambda: robot.stands_because("the drive ends"), "the last word")
+    assert record.read_text().splitlines()[-1].split()[1:] == ["0", "0"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [("raise", "driver failed: OSError: the board is gone"), ("hang", "driver hangs: one call")],
+)
+def test_a_driver_in_trouble_is_a_stop_one_error_and_exit_code_1(
+    fault: str, words: str, board: dict[str, str], tmp_path: Path
+) -> None:
+    told = tmp_path / "told.txt"
+    flags = ("--driver", "board", "--driver-options", f"{told}|{fault}")
+    with network.router() as own, network.client(own) as client:
+        with drive_process(own, client, *flags, **board) as robot:
+            wait_until(lambda: told.exists(), "the first stop")
+            told.write_text("")
+            with robot.commanded():
+                assert robot.process.wait(10.0) == 1
+            assert told.read_text() == "stopped"
+            (complaint,) = robot.complaints("error")
+            assert words in complaint
+            assert "Traceback" not in robot.process.stderr()
+            wait_until(lambda: robot.stands_because(words), "the last word")
+
+
+def test_odometry_of_the_driver_is_published(board: dict[str, str], tmp_path: Path) -> None:
+    flags = ("--driver", "board", "--driver-options", str(tmp_path / "told.txt"))
+    with network.router() as own, network.client(own) as client:
+        with network.collected(client, keys.ROBOT_ODOMETRY) as samples:
+            with drive_process(own, client, *flags, **board):
+                sample = samples.get(timeout=network.DEADLINE_S)
+    odometry = decode(Odometry, sample.payload.to_bytes(), str(sample.encoding))
+    assert (odometry.x_m, odometry.y_m, odometry.linear_mps) == (1.0, 2.0, 0.5)
+    assert odometry.heading_rad == pytest.approx(7.0 - 2 * math.pi)
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        (("--driver", "wheels"), "'wheels': no such driver; known: log, record, simulated"),
+        (("--driver", "record"), "name its file with --driver-options"),
+        (("--delivery", "lossless"), "drive.delivery = 'lossless'"),
+        (("--rate-hz", "1"), "drive.rate_hz"),
+    ],
+)
+def test_wrong_settings_are_one_line_and_exit_code_2(
+    endpoint: str, flags: tuple[str, ...], words: str
+) -> None:
+    code, out, err = finished("-m", "services.drive", "--connect", endpoint, *flags)
+    assert (code, out) == (2, "")
+    assert words in err.splitlines()[-1]

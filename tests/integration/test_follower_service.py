@@ -1,0 +1,102 @@
+"""The follower's process: camera, ranges and odometry reach the core, and silence stops it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+import zenoh
+
+from schemas import FollowState, Message, Odometry, Ranges, Stamp, TargetRequest, encode, keys
+from schemas.codec import decode
+from schemas.robot import RangeSector
+from tests.support import network
+from tests.support.processes import running
+from tests.unit.follower.people import TRACKER, person, tracks
+from tests.unit.follower.walking_world import INFO
+
+_PERIOD_S = 0.02
+
+
+class Robot:
+    """Plays tracker, camera and wheels for a follower's process, and hears its state."""
+
+    def __init__(self, endpoint: str, resources: ExitStack) -> None:
+        self.session = resources.enter_context(network.client(endpoint))
+        self.process = resources.enter_context(
+            running("-m", "services.follower", "--connect", endpoint)
+        )
+        self.states: list[FollowState] = []
+        self.seq = 0
+        subscriber = self.session.declare_subscriber(keys.FOLLOW_STATE, self._note)
+        resources.callback(subscriber.undeclare)
+        network.wait_until(lambda: "is up" in self.process.stderr(), "the follower", 30.0)
+
+    def _note(self, sample: zenoh.Sample) -> None:
+        self.states.append(
+            decode(FollowState, sample.payload.to_bytes(), str(sample.encoding))
+        )  # fmt: skip
+
+    def put(self, key: str, message: Message, stamped: bool = True) -> None:
+        stamp = Stamp(producer=TRACKER, t_sent_ns=time.time_ns(), age_ns=0)
+        self.session.put(
+            key, encode(message), encoding=message.encoding(),
+            attachment=encode(stamp) if stamped else None,
+        )  # fmt: skip
+
+    def until(
+        self, what: str, condition: Callable[[FollowState], bool], *beside: tuple[str, Message]
+    ) -> FollowState:
+        """Send good tracks, and more, until a state like that is told."""
+
+        def told() -> bool:
+            self.seq += 1
+            far = person(1, height=60.0)
+            self.put(keys.tracks("front"), tracks(far, seq=self.seq))
+            for key, message in beside:
+                self.put(key, message)
+            time.sleep(_PERIOD_S)
+            return bool(self.states) and condition(self.states[-1])
+
+        network.wait_until(told, what)
+        return self.states[-1]
+
+    def choose(self) -> None:
+        request = TargetRequest(mode="id", track_id=1)
+        replies = list(
+            self.session.get(keys.FOLLOW_TARGET, payload=encode(request), timeout=5.0)
+        )  # fmt: skip
+        assert replies[0].ok is not None
+
+
+@pytest.fixture
+def robot() -> Iterator[Robot]:
+    with ExitStack() as resources:
+        endpoint = resources.enter_context(network.router())
+        yield Robot(endpoint, resources)
+
+
+def test_ranges_and_camera_reach_the_core_and_their_end_stops_the_robot(robot: Robot) -> None:
+    robot.until("a first state", lambda state: state.state == "idle")
+    robot.choose()
+    plain = robot.until("driving", lambda state: state.linear_mps > 0.5)
+    assert (plain.obstacle_watch, plain.free_distance_m) == (False, None)
+    robot.put(keys.info("front"), INFO, stamped=False)
+    wide = robot.until(
+        "another distance", lambda state: abs((state.distance_m or 0) - (plain.distance_m or 0)) > 1
+    )
+    assert wide.distance_m is not None
+    free = Ranges(
+        seq=0, sectors=(RangeSector(bearing_rad=0.0, width_rad=1.0, distance_m=0.5),)
+    )  # fmt: skip
+    still = Odometry(seq=0, x_m=0.0, y_m=0.0, heading_rad=0.0, linear_mps=0.0, angular_radps=0.0)
+    watched = robot.until(
+        "an obstacle", lambda state: state.obstacle_watch and state.linear_mps < 0.4,
+        (keys.ROBOT_RANGE, free), (keys.ROBOT_ODOMETRY, still),
+    )  # fmt: skip
+    assert watched.free_distance_m == pytest.approx(0.1)
+    ended = robot.until("the end of ranges", lambda state: state.state == "stopped")
+    assert ended.reason.startswith("ranges are older than")
+    assert (ended.linear_mps, ended.angular_radps) == (0.0, 0.0)

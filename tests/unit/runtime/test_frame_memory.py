@@ -1,0 +1,55 @@
+"""Frames in shared memory: a pool made to measure, and the frame itself where there is no room."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import pytest
+import zenoh
+from zenoh.shm import ShmProvider, ZShmMut
+
+from services.runtime.frame_memory import FrameMemory
+
+SHARED_MEMORY = Path("/dev/shm")
+LOG = logging.getLogger("heel.test")
+FRAME = bytes(range(256)) * 64
+
+
+@pytest.mark.parametrize("frame", [FRAME, FRAME[:-383]], ids=["aligned", "odd"])
+def test_as_many_frames_are_held_as_asked_for_and_the_next_goes_as_it_is(frame: bytes) -> None:
+    memory = FrameMemory(3, LOG)
+    held = [memory.hold(frame) for _ in range(4)]
+    assert [type(each) for each in held] == [ZShmMut, ZShmMut, ZShmMut, bytes]
+    assert {bytes(each) for each in held} == {frame}
+
+
+def test_a_buffer_that_was_read_is_used_again() -> None:
+    memory = FrameMemory(1, LOG)
+    for _ in range(5):
+        assert isinstance(memory.hold(FRAME), ZShmMut)
+
+
+def test_larger_frames_get_a_pool_of_their_own_and_the_frames_before_stay() -> None:
+    memory = FrameMemory(3, LOG)
+    first = memory.hold(FRAME)
+    segments = set(SHARED_MEMORY.glob("*.zenoh"))
+    larger = [memory.hold(3 * FRAME) for _ in range(2)]
+    assert all(isinstance(each, ZShmMut) for each in [*larger, memory.hold(FRAME)])
+    assert segments <= set(SHARED_MEMORY.glob("*.zenoh"))
+    assert bytes(first) == FRAME
+
+
+def test_without_shared_memory_frames_go_as_they_are_and_that_is_said_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    class Nothing:
+        @staticmethod
+        def default_backend(_bytes: int) -> ShmProvider:
+            raise zenoh.ZError("no room")
+
+    monkeypatch.setattr("services.runtime.frame_memory.ShmProvider", Nothing)
+    memory = FrameMemory(2, LOG)
+    assert [memory.hold(FRAME) for _ in range(3)] == [FRAME] * 3
+    (record,) = caplog.records
+    assert "raise the limit on locked memory" in record.message
