@@ -163,7 +163,7 @@ class BoxTracker:
         rates = exist * (1 - s.association.hiding * self._hidden)
         log_odds = pair_log_odds(mean, covariance, rates, seen, s.association, s.motion)
         if looks is not None:
-            log_odds += self._identity.log_odds(self._tracks, boxes, looks)
+            log_odds += self._look_odds(boxes, looks, t_s)
         members = [
             k
             for k, track in enumerate(self._tracks)
@@ -179,6 +179,22 @@ class BoxTracker:
         )
         pairs, merges, log_odds = choose_merges(log_odds, candidates)
         return pairs, merges, marginals(log_odds)
+
+    def _look_odds(self, boxes: FloatArray, looks: FloatArray, t_s: float) -> FloatArray:
+        """Log odds (N, M) of looks; who has just been seen and is not covered is not vetoed."""
+        s = self.settings.appearance
+        present = np.array(
+            [
+                track.confirmed
+                and t_s - track.seen_s <= s.present_s + _EPSILON_S
+                and hidden <= s.clear
+                and not self._identity.open(track)
+                for track, hidden in zip(self._tracks, self._hidden, strict=True)
+            ]
+        )
+        against = np.where(present, s.most_against_present, s.most_against)
+        odds = self._identity.log_odds(self._tracks, boxes, looks)
+        return np.asarray(np.maximum(odds, -against[:, None]))
 
     def _correct(
         self,
