@@ -115,6 +115,12 @@ class BoxTracker:
         self._scale.learn(frame.raw[[j for i, j in pairs if self._tracks[i].hits > 2]])
         least = self.settings.appearance.contact
         met = pairs_in_doubt(sure, pairs, least) + [merge.tracks for merge in merges]
+        self._identity.reassure(
+            [(self._tracks[i], j) for i, j in pairs],
+            self._tracks + self._recall.lost,
+            frame,
+            self._elapsed_s,
+        )
         self._identity.learn(
             [(self._tracks[i], j) for i, j in pairs],
             [(self._tracks[i], self._tracks[k]) for i, k in met],

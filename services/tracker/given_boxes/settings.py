@@ -155,6 +155,12 @@ class AppearanceSettings(StrictSettings):
         description="The same from somebody seen a moment ago whom nobody covers: light changes "
         "at once, people do not",
     )
+    reassure: float = Field(
+        0.0,
+        ge=0,
+        le=10,
+        description="How much looks settle a doubt [share of their log odds per second]; 0: not",
+    )
     present_s: float = Field(0.25, ge=0, le=10, description="How long a moment is [s]")
     least_spread: float = Field(0.05, gt=0, le=1, description="Least spread of distances of looks")
     crowd: float = Field(
