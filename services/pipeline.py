@@ -121,15 +121,17 @@ def _camera_info(tracks: Tracks, camera: Mounting) -> CameraInfo:
 
 
 def load_pipeline(
-    preset: str, target: str, file: Path | None
-) -> tuple[FollowingPipeline, dict[str, Any]]:
+    preset: str, target: str, file: Path | None, detector_name: str | None = None,
+    model: Path | None = None,
+) -> tuple[FollowingPipeline, dict[str, Any]]:  # fmt: skip
     """The cores with the settings that the processes would read, and those settings to show.
 
     Raises:
         SettingsError: as `load_settings`.
     """
+    chosen = {"preset": preset, "detector": detector_name, "model": model}
     detector: Loaded[DetectorServiceSettings] = load_settings(
-        "detector", DetectorServiceSettings, {"detector": {"preset": preset}}, file
+        "detector", DetectorServiceSettings, {"detector": chosen}, file
     )
     tracker: Loaded[TrackerServiceSettings] = load_settings(
         "tracker", TrackerServiceSettings, {"tracker": {"preset": preset}}, file

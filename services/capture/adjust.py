@@ -30,6 +30,7 @@ class AdjustedSource(FrameSource):
         self.width, self.height = scaled_size(source.width, source.height, scale)
         self.fps = source.fps if fps is None else fps
         self.frame_count, self.is_live = source.frame_count, source.is_live
+        self.window = source.window
 
     def read(self, timeout_s: float = 5.0) -> Frame | None:
         """The next frame of the source, scaled."""

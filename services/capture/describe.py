@@ -18,8 +18,12 @@ class Mounting:
     mount_pitch_rad: float | None
 
 
-def mounting(settings: CaptureSettings) -> Mounting:
+def mounting(settings: CaptureSettings, own_fov_rad: float | None = None) -> Mounting:
     """How the camera is mounted; single settings win over the calibration file.
+
+    Args:
+        settings: of the capture process.
+        own_fov_rad: what the source knows of its field of view; wins over both.
 
     Raises:
         SettingsError: the calibration file cannot be used.
@@ -31,8 +35,9 @@ def mounting(settings: CaptureSettings) -> Mounting:
         fov_deg = file.horizontal_fov_deg if fov_deg is None else fov_deg
         height_m = file.mount_height_m if height_m is None else height_m
         pitch_deg = file.mount_pitch_deg if pitch_deg is None else pitch_deg
+    stated_rad = None if fov_deg is None else math.radians(fov_deg)
     return Mounting(
-        None if fov_deg is None else math.radians(fov_deg),
+        stated_rad if own_fov_rad is None else own_fov_rad,
         height_m,
         None if pitch_deg is None else math.radians(pitch_deg),
     )

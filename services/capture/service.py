@@ -12,6 +12,7 @@ from schemas import CameraInfo, EndOfStream, HeelError, MessageError, Progress, 
 from schemas.image import MAX_IMAGE_BYTES
 from services.capture.credit import CreditWindow
 from services.capture.describe import mounting
+from services.capture.pan_topics import LISTEN_S, PanTopics
 from services.capture.pixels import fit_to_cap
 from services.capture.settings import CaptureSettings
 from services.capture.source import Frame, FrameSource, SourceTimeout
@@ -34,8 +35,10 @@ class CaptureService:
     def __init__(self, context: ServiceContext[CaptureSettings], source: FrameSource) -> None:
         self._context = context
         self._settings = context.settings
-        self._mounting = mounting(context.settings)
+        window = source.window
+        self._mounting = mounting(context.settings, None if window is None else window.fov_rad)
         self._source = source
+        self._pan = None if window is None else PanTopics(context, window)
         self._lossless = context.settings.delivery == "lossless"
         epoch = context.settings.epoch
         self._identity = StreamIdentity(
@@ -101,7 +104,11 @@ class CaptureService:
     def _read(self) -> Frame | None:
         """The next frame; None at the end, or when a camera is silent (then that is reported)."""
         try:
-            frame = self._source.read(LOOP_WAIT_S)
+            if self._pan is None:
+                frame = self._source.read(LOOP_WAIT_S)
+            else:
+                self._pan.turn(time.monotonic())
+                frame = self._source.read(LISTEN_S)
         except SourceTimeout:
             frame = None
         status = self._source.status

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.errors import SourceError
+from services.capture.pan_window import PanWindow
 
 DEFAULT_FPS = 25.0
 """Rate assumed when a container or a driver gives none or a nonsensical one."""
@@ -83,6 +84,7 @@ class FrameSource(ABC):
         fps: nominal frames per second, in (0, 240].
         frame_count: frames that a recording announces, None when endless or unknown.
         is_live: True for a camera, which does not wait for its reader.
+        window: what turns in a virtual pan, None in every other source.
         end_reason: why `read` returned None; empty before that.
     """
 
@@ -92,6 +94,7 @@ class FrameSource(ABC):
     fps: float
     frame_count: int | None = None
     is_live: bool = False
+    window: PanWindow | None = None
     end_reason: str = ""
 
     @abstractmethod

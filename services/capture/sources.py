@@ -15,6 +15,7 @@ from services.capture.scene_source import SCENE_PREFIX, open_scene
 from services.capture.sequence import SEQUENCE_FILE, open_sequence
 from services.capture.source import FrameSource, Warn, log_warning
 from services.capture.video_file import VideoFileSource
+from services.capture.virtual_pan import PAN_PREFIX, open_pan
 
 _DEVICE = re.compile(r"(?:/dev/video)?(\d{1,4})")
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
@@ -33,7 +34,8 @@ def open_source(
     Args:
         spec: a video file, a picture, a folder of pictures, a MOTChallenge sequence directory,
             `/dev/videoN` or `N`, an `rtsp://` or `http://` address (and their TLS forms), or
-            `scene:NAME?seed=1&people=6&frames=400`.
+            `scene:NAME?seed=1&people=6&frames=400`, or a window of a recording that turns:
+            `pan:PATH?width=384&height=288`.
         scale: factor for both sides of every frame, in (0, 1].
         fps: rate to use in place of the source's own, in (0, 240].
         loop: play a recording again and again; a camera is endless as it is.
@@ -46,7 +48,11 @@ def open_source(
     device = _DEVICE.fullmatch(spec)
     scheme = _SCHEME.match(spec)
     source: FrameSource
-    if device:
+    if spec.startswith(PAN_PREFIX):
+        # The rate is the recording's: the pan plays it like a camera that cannot be slowed down.
+        source = open_pan(spec, partial(open_source, fps=fps, loop=loop, warn=warn))
+        fps = None
+    elif device:
         source = open_device(int(device.group(1)), fps, warn)
     elif scheme:
         if scheme.group(1).lower() not in STREAM_SCHEMES:

@@ -8,7 +8,7 @@ import numpy as np
 
 from services.geometry.calibration_file import Calibration
 from services.geometry.camera import Pinhole
-from services.tracker.fitted.scale import Line
+from services.tracker.fitted.line import Line
 
 _PERSON_M = 1.75
 """Somebody in shoes."""

@@ -10,7 +10,7 @@ import numpy as np
 from schemas.errors import HeelError
 from services.tracker.given_boxes import kalman
 from services.tracker.given_boxes.association import marginals, newcomer_log_density, pair_log_odds
-from services.tracker.given_boxes.camera_motion import CameraMotion, common_shift
+from services.tracker.given_boxes.camera_motion import CameraMotion, shift_unseen
 from services.tracker.given_boxes.carry import CameraStep, carry
 from services.tracker.given_boxes.contacts import pairs_in_doubt
 from services.tracker.given_boxes.frame import FrameBoxes, checked
@@ -199,8 +199,10 @@ class BoxTracker:
         self._camera.learn((surprise / np.exp(mean[:, 2, :1]))[steady])
         variance = kalman.measurement_variance(mean[:, :, 0], self.settings.motion)
         covariance = np.stack([track.covariance for track in tracks])
+        found = {id(track) for track in tracks}
+        unseen = [track for track in self._tracks if id(track) not in found]
         if len(steady) >= _LEAST_WITNESSES and not self._camera.stands():
-            self._shift_unseen(tracks, surprise[steady], covariance[steady], variance[steady])
+            shift_unseen(unseen, surprise[steady], covariance[steady], variance[steady])
         mean, covariance = kalman.update(mean, covariance, seen[boxes], variance)
         for k, track in enumerate(tracks):
             track.mean, track.covariance = mean[k], covariance[k]
@@ -208,7 +210,7 @@ class BoxTracker:
         for k, (i, j) in enumerate(pairs):
             track = tracks[k]
             others = np.delete(sure[:, j], i)
-            sure_back = self._sure_back(track, frame, j, t_s)
+            sure_back = self._sure_back(track, frame, j, unseen, t_s)
             track.doubt(float(others.sum()), float(others.max(initial=0.0)), sure_back)
             if track.confirmed and not self._identity.open(track):
                 away_s = 0.0 if pictures else t_s - track.seen_s
@@ -219,18 +221,16 @@ class BoxTracker:
                 shared = float(iou(track.box()[None], known).max())
             track.believe(float(frame.scores[j]), shared, t_s, self.settings.life)
 
-    def _sure_back(self, track: Track, frame: FrameBoxes, box: int, t_s: float) -> float:
+    def _sure_back(
+        self, track: Track, frame: FrameBoxes, box: int, unseen: list[Track], t_s: float
+    ) -> float:
         """Factor in [0, 1] on the confidence in a track that has got a box after time unseen."""
         if frame.looks is None:
             unseen_s = max(t_s - self._elapsed_s - track.seen_s, 0.0)
             return math.exp(-unseen_s / self.settings.life.doubt_s)
         if not track.confirmed or t_s - track.seen_s <= self.settings.life.away_s:
             return 1.0
-        missing = self._recall.lost + [
-            other
-            for other in self._tracks
-            if other.confirmed and other.seen_s < t_s and other is not track
-        ]
+        missing = self._recall.lost + [other for other in unseen if other.confirmed]
         at_edge = self._recall.at_edge(track)
         return self._identity.back(track, frame.looks[box], missing, at_edge)
 
@@ -239,19 +239,6 @@ class BoxTracker:
         life = self.settings.life
         back = away_s > max(life.away_s, 1.5 * self._elapsed_s)
         return track.confidence < life.give_up or (back and rivals > life.rivals)
-
-    def _shift_unseen(
-        self, seen: list[Track], surprise: FloatArray, covariance: FloatArray, variance: FloatArray
-    ) -> None:
-        """A camera that turns shifts those without a box as it shifts the others."""
-        total = covariance[:, :2, 0, 0] + variance[:, :2]
-        shift = common_shift(surprise, total)
-        speed = (covariance[:, :2, 0, 1] / total).mean(axis=0) * shift
-        found = {id(track) for track in seen}
-        for track in self._tracks:
-            if id(track) not in found:
-                track.mean[:2, 0] += shift
-                track.mean[:2, 1] += speed
 
     def _miss(self, alone: set[int], merged: set[int]) -> None:
         rate = self.settings.association.detection_rate

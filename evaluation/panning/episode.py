@@ -1,0 +1,190 @@
+"""One person followed through a recording by a window that turns as the follower commands."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.panning.perception import Perception
+from evaluation.panning.truth import InWindow, People, in_window, overlap
+from schemas import CameraInfo, FrameId, Odometry, TargetRequest, Tracks
+from services.capture.pan_window import PanSettings, PanWindow
+from services.capture.steering import Steering
+from services.drive.core import Drive
+from services.drive.settings import DriveSettings
+from services.follower.choosing import at_point
+from services.follower.core import Follower
+from services.follower.settings import FollowerSettings
+
+CONTROL_S = 0.02
+"""Follower and drive both run at 50 Hz, as their processes do."""
+TRACKS_AGE_S = 0.06
+"""From a picture to the follower's having its tracks."""
+LEAST_INSIDE = 0.5
+LEAST_OVERLAP = 0.5
+_STREAM = "front"
+_TRACKER, _FOLLOWER = "tracker/main@00000000", "follower/main@00000000"
+
+
+@dataclass
+class Outcome:
+    """Frames of one person's episode in which they are to be seen in the recording.
+
+    Attributes:
+        person: identity in the ground truth.
+        visible: all of them.
+        since_chosen: those after the frame in which the person was pointed at; the others count
+            for none of the following.
+        in_window: the person is in the window with half of their box or more.
+        kept: in the window, and the target's box lies on them.
+        wrong: the target's box lies on somebody else.
+        lost: frames after the choice in which the person was not kept, and the follower's state.
+    """
+
+    person: int
+    visible: int = 0
+    since_chosen: int = 0
+    in_window: int = 0
+    kept: int = 0
+    wrong: int = 0
+    lost: list[tuple[int, str]] = field(default_factory=list)
+
+    @property
+    def chosen(self) -> bool:
+        """Whether the person was ever pointed at."""
+        return self.since_chosen > 0
+
+
+class Episode:
+    """Window, perception, follower and drive on a simulated clock.
+
+    The person is pointed at in the first frame in which a shown box lies on them. The robot
+    stands and turns: nothing in a recording answers to its driving.
+
+    Args:
+        person: identity in the ground truth.
+        recording_size: (width, height) of its pictures, pixels.
+        settings: of the window; starts where the person will first be seen.
+        perception: knows nobody yet.
+    """
+
+    def __init__(
+        self, person: int, recording_size: tuple[int, int], settings: PanSettings,
+        perception: Perception,
+    ) -> None:  # fmt: skip
+        self._size = recording_size
+        self._window = PanWindow(recording_size, settings)
+        self._steering = Steering(self._window)
+        self._perception = perception
+        self._follower = Follower(FollowerSettings(max_linear_mps=0.0))
+        self._drive = Drive(DriveSettings())
+        self._seq = self._ticks = 0
+        self._start_s: float | None = None
+        self._coming: deque[tuple[float, Tracks, InWindow]] = deque()
+        self._tracks_s: float | None = None
+        self.outcome = Outcome(person)
+
+    def frame(self, index: int, t_s: float, image: NDArray[np.uint8], people: People) -> None:
+        """Go on to the moment of a frame, look at it, and judge.
+
+        Args:
+            index: of the frame, from 0.
+            t_s: its time; the first frame's is where the clock starts.
+            image: (H, W, 3) uint8 BGR, the whole picture.
+            people: everybody in it.
+        """
+        if self._start_s is None:
+            self._start_s = t_s
+            self._follower.set_camera(self._camera())
+        while self._start_s + self._ticks * CONTROL_S < t_s:
+            self._control(self._start_s + self._ticks * CONTROL_S)
+            self._ticks += 1
+        self._steering.advance(t_s)
+        window = self._window.view(image, index)
+        size = (self._window.width, self._window.height)
+        truth = in_window(people, self._size, self._window.offset_px, size)
+        frame = FrameId(
+            stream=_STREAM, epoch=1, seq=self._seq, index=index, t_capture_ns=round(t_s * 1e9)
+        )
+        self._seq += 1
+        tracks = self._perception.see(frame, window, self._window.offset_px, truth)
+        self._judge(index, tracks, truth)
+        self._coming.append((t_s, tracks, truth))
+
+    def _control(self, now_s: float) -> None:
+        told = self._drive.step(now_s)
+        self._steering.hear_drive(told.angular_radps, now_s)
+        yaw = math.remainder(self._window.yaw_rad, 2.0 * math.pi)
+        self._follower.observe_odometry(
+            Odometry(seq=self._ticks, x_m=0.0, y_m=0.0, heading_rad=yaw,
+                     linear_mps=0.0, angular_radps=told.angular_radps), now_s,
+        )  # fmt: skip
+        while self._coming and now_s >= self._coming[0][0] + TRACKS_AGE_S:
+            self._observe(*self._coming.popleft())
+        age_s = None if self._tracks_s is None else now_s - self._tracks_s
+        self._drive.take(self._follower.step(now_s, age_s), _FOLLOWER, now_s)
+        self._steering.hear_target(self._follower.target.track_id)
+
+    def _observe(self, t_s: float, tracks: Tracks, truth: InWindow) -> None:
+        self._tracks_s = t_s
+        self._follower.observe(tracks, _TRACKER)
+        if self._follower.target.track_id is None:
+            self._point(tracks, truth)
+        self._steering.hear_tracks(tracks)
+
+    def _point(self, tracks: Tracks, truth: InWindow) -> None:
+        """Click on the person, if that hits nobody else's box."""
+        box = _box_of(truth, self.outcome.person)
+        if box is None:
+            return
+        x, y = float(box[0] + box[2]) / 2, float(box[1] + box[3]) / 2
+        hit = at_point(tracks, x, y)
+        if hit is not None and overlap(box, np.array([hit.box_xyxy]))[0] >= LEAST_OVERLAP:
+            self._follower.choose(TargetRequest(mode="point", x_px=x, y_px=y))
+
+    def _judge(self, index: int, tracks: Tracks, truth: InWindow) -> None:
+        outcome = self.outcome
+        target = self._follower.target.track_id
+        mine = truth.identities == outcome.person
+        outcome.visible += int(mine.any())
+        if target is None or not mine.any():
+            return
+        outcome.since_chosen += 1
+        inside = bool(truth.inside[mine][0] >= LEAST_INSIDE)
+        outcome.in_window += int(inside)
+        on = _on_whom(tracks, target, truth)
+        if inside and on == outcome.person:
+            outcome.kept += 1
+            return
+        outcome.wrong += int(on not in (None, outcome.person))
+        outcome.lost.append((index + 1, self._follower.state.state))
+
+    def _camera(self) -> CameraInfo:
+        width, height = self._window.width, self._window.height
+        return CameraInfo(
+            stream=_STREAM, epoch=1, width=width, height=height, source_width=width,
+            source_height=height, fps=1.0, source="virtual pan",
+            horizontal_fov_rad=self._window.fov_rad,
+        )  # fmt: skip
+
+
+def _box_of(truth: InWindow, person: int) -> NDArray[np.float64] | None:
+    mine = truth.identities == person
+    if not mine.any() or truth.inside[mine][0] < LEAST_INSIDE:
+        return None
+    return np.asarray(truth.boxes_xyxy[mine][0])
+
+
+def _on_whom(tracks: Tracks, target: int, truth: InWindow) -> int | None:
+    """Whose box the target's lies on best, if on anybody's; whether or not it is shown."""
+    track = next((track for track in tracks.tracks if track.id == target), None)
+    if track is None or not track.shown or not len(truth.identities):
+        return None
+    size = np.array([tracks.width, tracks.height] * 2, np.float64)
+    shares = overlap(np.clip(np.array(track.box_xyxy), 0.0, size), truth.boxes_xyxy)
+    best = int(np.argmax(shares))
+    return int(truth.identities[best]) if shares[best] >= LEAST_OVERLAP else None

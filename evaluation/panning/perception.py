@@ -1,0 +1,120 @@
+"""What the follower sees in the window: true boxes without identities, or the pixels."""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.panning.truth import InWindow
+from schemas import Blob, Blobs, CameraMotion, FrameId, Patch, Tracks
+from services.detector.settings import DetectorSettings
+from services.pipeline import InProcessPipeline
+from services.tracker.core import Tracker
+from services.tracker.settings import TrackerSettings
+
+PerceptionName = Literal["true-boxes", "pixels"]
+
+_LEAST_INSIDE, _LEAST_PX = 0.25, 8.0
+"""Of a person cut by the window's border, that somebody who draws boxes would mark."""
+_TRUE_SCORE = 0.95
+_PATCH_ROWS = 96
+
+
+class Perception(Protocol):
+    """Makes tracks of a window."""
+
+    def see(
+        self, frame: FrameId, image: NDArray[np.uint8], offset_px: tuple[float, float],
+        truth: InWindow,
+    ) -> Tracks:  # fmt: skip
+        """Tracks of one frame.
+
+        Args:
+            frame: which frame this is.
+            image: (H, W, 3) uint8 BGR, the window.
+            offset_px: where it lies in the recording.
+            truth: everybody in it.
+        """
+
+
+class Pixels:
+    """Detector and tracker, given nothing but the window's pixels."""
+
+    def __init__(self) -> None:
+        self._pipeline = InProcessPipeline(DetectorSettings(), TrackerSettings())
+
+    def see(
+        self, frame: FrameId, image: NDArray[np.uint8], offset_px: tuple[float, float],
+        truth: InWindow,
+    ) -> Tracks:  # fmt: skip
+        """As `Perception.see`; offset and truth are not looked at."""
+        return self._pipeline.step(frame, image, (image.shape[1], image.shape[0]))[1]
+
+
+class TrueBoxes:
+    """Ground truth as a detector of people would send it, and the tracker.
+
+    Boxes are cut at the window's border and carry the window's pixels; who they are is not told.
+    The motion of the camera is the window's own.
+    """
+
+    def __init__(self) -> None:
+        self._tracker = Tracker(TrackerSettings())
+        self._offset: tuple[float, float] | None = None
+
+    def see(
+        self, frame: FrameId, image: NDArray[np.uint8], offset_px: tuple[float, float],
+        truth: InWindow,
+    ) -> Tracks:  # fmt: skip
+        """As `Perception.see`."""
+        left, top = offset_px
+        before = self._offset or offset_px
+        self._offset = offset_px
+        height, width = image.shape[:2]
+        blobs = Blobs(
+            **frame.model_dump(),
+            width=width,
+            height=height,
+            source_width=width,
+            source_height=height,
+            blobs=_blobs(truth, image),
+            kind="people",
+            camera_motion=CameraMotion(
+                affine=(1.0, 0.0, before[0] - left, 0.0, 1.0, before[1] - top), quality=1.0
+            ),
+            detector="true-boxes",
+        )
+        return self._tracker.update(blobs)
+
+
+def perception(name: PerceptionName) -> Perception:
+    """The perception of that name, knowing nobody."""
+    return TrueBoxes() if name == "true-boxes" else Pixels()
+
+
+def _blobs(truth: InWindow, image: NDArray[np.uint8]) -> tuple[Blob, ...]:
+    size = truth.boxes_xyxy[:, 2:] - truth.boxes_xyxy[:, :2]
+    marked = (truth.inside >= _LEAST_INSIDE) & (size >= _LEAST_PX).all(axis=1)
+    boxes = truth.boxes_xyxy[marked]
+    # By place: the order of the ground truth would tell who is who.
+    return tuple(_blob(box, image) for box in sorted(boxes.tolist()))
+
+
+def _blob(box: list[float], image: NDArray[np.uint8]) -> Blob:
+    left, top, right, bottom = box
+    pixels = image[int(top) : max(int(top) + 1, round(bottom)),
+                   int(left) : max(int(left) + 1, round(right))]  # fmt: skip
+    if pixels.shape[0] > _PATCH_ROWS:
+        width = max(1, round(pixels.shape[1] * _PATCH_ROWS / pixels.shape[0]))
+        small = cv2.resize(pixels, (width, _PATCH_ROWS), interpolation=cv2.INTER_AREA)
+        pixels = np.asarray(small, np.uint8)
+    return Blob(
+        box_xyxy=(left, top, right, bottom),
+        area_px=(right - left) * (bottom - top),
+        centroid=((left + right) / 2, (top + bottom) / 2),
+        patch=Patch.from_array(pixels),
+        score=_TRUE_SCORE,
+    )

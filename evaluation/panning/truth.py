@@ -1,0 +1,99 @@
+"""The people of a recording as they lie in a window of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.motchallenge import ground_truth_file, read_ground_truth
+
+Boxes = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class People:
+    """Everybody annotated in one frame.
+
+    Attributes:
+        identities: (N,) int64.
+        boxes_xyxy: (N, 4) pixels.
+    """
+
+    identities: NDArray[np.int64]
+    boxes_xyxy: Boxes
+
+
+NOBODY = People(np.zeros(0, np.int64), np.zeros((0, 4)))
+
+
+@dataclass(frozen=True, slots=True)
+class InWindow:
+    """Everybody annotated in one frame, in the pixels of a window.
+
+    Attributes:
+        identities: (N,) int64.
+        boxes_xyxy: (N, 4) cut at the window's borders; without area where nothing is inside.
+        inside: (N,) share of each box's area within the recording that lies in the window.
+    """
+
+    identities: NDArray[np.int64]
+    boxes_xyxy: Boxes
+    inside: Boxes
+
+
+def read_people(sequence: Path) -> dict[int, People]:
+    """People by frame number, without those whom the ground truth says to ignore (flag 0).
+
+    Raises:
+        HeelError: there is no ground truth, or it is malformed.
+    """
+    rows = read_ground_truth(ground_truth_file(sequence))
+    rows = rows.select(rows.values > 0)
+    frames, starts = np.unique(rows.frames, return_index=True)
+    ends = [*starts[1:].tolist(), len(rows)]
+    return {
+        frame: People(rows.identities[start:end], rows.boxes_xyxy[start:end])
+        for frame, start, end in zip(frames.tolist(), starts.tolist(), ends, strict=True)
+    }
+
+
+def in_window(
+    people: People,
+    recording_size: tuple[int, int],
+    offset_px: tuple[float, float],
+    window_size: tuple[int, int],
+) -> InWindow:
+    """Everybody as the window shows them.
+
+    Args:
+        people: in pixels of the recording.
+        recording_size: (width, height).
+        offset_px: (left, top) of the window in the recording.
+        window_size: (width, height).
+    """
+    shown = clipped(people.boxes_xyxy, (0.0, 0.0), recording_size)
+    cut = clipped(shown, offset_px, window_size)
+    inside = area(cut) / np.maximum(area(shown), 1e-9)
+    return InWindow(people.identities, cut, np.asarray(inside))
+
+
+def clipped(boxes: Boxes, offset_px: tuple[float, float], size: tuple[int, int]) -> Boxes:
+    """Boxes (N, 4) moved by minus the offset and cut at 0 and `size`."""
+    moved = boxes - np.array([*offset_px, *offset_px])
+    return np.asarray(np.clip(moved, 0.0, np.array([*size, *size], np.float64)))
+
+
+def area(boxes: Boxes) -> Boxes:
+    """Areas (N,) of boxes (N, 4)."""
+    return np.asarray((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
+
+
+def overlap(box: Boxes, boxes: Boxes) -> Boxes:
+    """Intersection over union (N,) of one box (4,) with boxes (N, 4)."""
+    low, high = np.maximum(box[:2], boxes[:, :2]), np.minimum(box[2:], boxes[:, 2:])
+    shared = np.prod(np.maximum(high - low, 0.0), axis=1)
+    union = area(box[None]) + area(boxes) - shared
+    return np.asarray(shared / np.maximum(union, 1e-9))

@@ -1,0 +1,69 @@
+"""The topics that turn a virtual pan, to its steering."""
+
+from __future__ import annotations
+
+from schemas import (
+    DriveState,
+    EndOfStream,
+    FollowState,
+    MessageError,
+    SettingsError,
+    Tracks,
+    decode,
+    keys,
+)
+from services.capture.pan_window import PanWindow
+from services.capture.settings import CaptureSettings
+from services.capture.steering import Steering
+from services.runtime import qos
+from services.runtime.inbox import Arrival
+from services.runtime.service import ServiceContext
+
+LISTEN_S = 0.01
+"""Between two looks at the topics: the drive speaks every 0.02 s."""
+_TOPICS = ("drive", "state", "tracks")
+
+
+class PanTopics:
+    """Hears drive, target and tracks in the capture process.
+
+    Args:
+        context: of the capture service.
+        window: of its source.
+
+    Raises:
+        SettingsError: the run is lossless; what the robot does to a picture needs a clock.
+    """
+
+    def __init__(self, context: ServiceContext[CaptureSettings], window: PanWindow) -> None:
+        if context.settings.delivery == "lossless":
+            raise SettingsError(
+                f"{context.settings.source}: a virtual pan turns in real time and cannot be "
+                "lossless: use --delivery live"
+            )
+        self._context = context
+        self._steering = Steering(window)
+        context.inbox.subscribe("drive", keys.ROBOT_DRIVE, qos.DRIVE)
+        context.inbox.subscribe("state", keys.FOLLOW_STATE, qos.STATE)
+        context.inbox.subscribe("tracks", keys.tracks(context.settings.camera), qos.TRACKS)
+
+    def turn(self, now_s: float) -> None:
+        """Take what has arrived and turn the window on to `now_s`, without waiting."""
+        while (arrival := self._context.inbox.get(0.0, *_TOPICS)) is not None:
+            if arrival.encoding != EndOfStream.encoding():
+                self._hear(arrival)
+        self._steering.advance(now_s)
+
+    def _hear(self, arrival: Arrival) -> None:
+        try:
+            if arrival.topic == "drive":
+                told = decode(DriveState, arrival.payload, arrival.encoding)
+                self._steering.hear_drive(told.angular_radps, arrival.arrived_s)
+            elif arrival.topic == "state":
+                state = decode(FollowState, arrival.payload, arrival.encoding)
+                self._steering.hear_target(state.target.track_id)
+            else:
+                self._steering.hear_tracks(decode(Tracks, arrival.payload, arrival.encoding))
+        except MessageError as error:
+            self._context.statistics.malformed += 1
+            self._context.warn.warning(arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s)

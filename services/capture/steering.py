@@ -1,0 +1,62 @@
+"""What turns the window of a virtual pan: the wheels' turn rate, and the person's row."""
+
+from __future__ import annotations
+
+import math
+
+from schemas import Tracks
+from services.capture.pan_window import PanWindow
+
+STALE_S = 0.2
+"""Without news from the drive for so long, the window stands."""
+
+
+class Steering:
+    """Pans with what the wheels are told, tilts after the person who is followed.
+
+    A robot has no tilt, so the window has a gimbal that follows no command: it brings the row of
+    the target's box to the middle, and holds where the target is not seen.
+
+    Args:
+        window: is turned by `advance`; its angles start where they are.
+    """
+
+    def __init__(self, window: PanWindow) -> None:
+        self._window = window
+        self._angular_radps = 0.0
+        self._heard_s = -math.inf
+        self._now_s: float | None = None
+        self._target: int | None = None
+        self._row_px: float | None = None
+
+    def hear_drive(self, angular_radps: float, at_s: float) -> None:
+        """Take what the wheels are told from `at_s` on."""
+        self.advance(at_s)
+        self._angular_radps, self._heard_s = angular_radps, at_s
+
+    def hear_target(self, track_id: int | None) -> None:
+        """Take who is followed; nobody leaves the tilt as it is."""
+        if track_id != self._target:
+            self._target, self._row_px = track_id, None
+
+    def hear_tracks(self, tracks: Tracks) -> None:
+        """Take where people are in the window of a frame."""
+        offset = self._window.offset_of(tracks.index)
+        if offset is None:
+            return
+        for track in tracks.tracks:
+            if track.id == self._target and track.shown and track.state == "tracked":
+                row = (track.box_xyxy[1] + track.box_xyxy[3]) / 2.0
+                self._row_px = offset[1] + row * self._window.height / tracks.height
+
+    def advance(self, now_s: float) -> None:
+        """Turn the window on to `now_s`; time that runs backwards is ignored."""
+        before_s = now_s if self._now_s is None else self._now_s
+        if now_s < before_s:
+            return
+        self._now_s = now_s
+        turning_s = min(now_s, self._heard_s + STALE_S) - before_s
+        if turning_s > 0.0:
+            self._window.turn(self._angular_radps, turning_s)
+        if self._row_px is not None:
+            self._window.tilt_towards(self._row_px, now_s - before_s)
