@@ -11,6 +11,7 @@ Example run: python -m benchmarks.virtual_pan --perception true-boxes --json pan
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +21,7 @@ import typer
 from benchmarks.common import Figure, data_folder, write_json
 from evaluation.panning.episode import Outcome
 from evaluation.panning.perception import PerceptionName
+from evaluation.panning.perception import perception as perception_of
 from evaluation.panning.sequence import follow_everybody
 from schemas.errors import HeelError
 from services.capture.pan_window import PanSettings
@@ -31,7 +33,7 @@ HEAD = ("sequence", "perception", "people", "chosen", "kept%", "in window%", "wr
         "people >= 95%", "kept% of all")  # fmt: skip
 
 
-def row(name: str, how: str, outcomes: Sequence[Outcome]) -> str:
+def row(sequence: str, how: str, outcomes: Sequence[Outcome]) -> str:
     """One line of the Markdown table, over all people's frames together."""
     since = max(1, sum(one.since_chosen for one in outcomes))
     visible = max(1, sum(one.visible for one in outcomes))
@@ -40,7 +42,7 @@ def row(name: str, how: str, outcomes: Sequence[Outcome]) -> str:
     )
     well = sum(one.kept >= 0.95 * one.since_chosen for one in outcomes if one.chosen)
     cells = (
-        name, how, str(len(outcomes)), str(sum(one.chosen for one in outcomes)),
+        sequence, how, str(len(outcomes)), str(sum(one.chosen for one in outcomes)),
         f"{100 * kept / since:.1f}", f"{100 * inside / since:.1f}", f"{100 * wrong / since:.1f}",
         str(well), f"{100 * kept / visible:.1f}",
     )  # fmt: skip
@@ -84,6 +86,9 @@ def main(
     perception: Annotated[
         PerceptionName | None, typer.Option(help="true-boxes or pixels; both if not given")
     ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="pixels: network that finds people, an ONNX file")
+    ] = None,
     person: Annotated[list[int] | None, typer.Option(help="follow these only")] = None,
     fov_deg: Annotated[float, typer.Option(help="field of view of the window")] = 60.0,
     json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
@@ -94,16 +99,18 @@ def main(
     rows, figures = [], []
     ways: tuple[PerceptionName, ...] = (perception,) if perception else ("true-boxes", "pixels")
     for how in ways:
+        name = f"{how} ({model.stem})" if model and how == "pixels" else how
         for path in recordings(sequence):
-            outcomes = follow_everybody(path, settings, how, frozenset(person or ()))
-            rows.append(row(path.name, how, outcomes))
+            look = partial(perception_of, how, model)
+            outcomes = follow_everybody(path, settings, look, frozenset(person or ()))
+            rows.append(row(path.name, name, outcomes))
             for line in [rows[-1], *lines_of(outcomes)]:
                 typer.echo(line, err=True)
             since = max(1, sum(one.since_chosen for one in outcomes))
             for what in ("kept", "in_window", "wrong"):
                 share = 100.0 * sum(getattr(one, what) for one in outcomes) / since
                 figures.append(
-                    Figure(f"virtual-pan/{path.name}/{how}/{what}", share, "%", "", None, 1)
+                    Figure(f"virtual-pan/{path.name}/{name}/{what}", share, "%", "", None, 1)
                 )
     head = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
     typer.echo("\n".join(head + rows))

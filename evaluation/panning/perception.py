@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal, Protocol
 
 import cv2
@@ -41,10 +42,14 @@ class Perception(Protocol):
 
 
 class Pixels:
-    """Detector and tracker, given nothing but the window's pixels."""
+    """Detector and tracker, given nothing but the window's pixels.
 
-    def __init__(self) -> None:
-        self._pipeline = InProcessPipeline(DetectorSettings(), TrackerSettings())
+    Args:
+        model: network that finds people; None for the background models.
+    """
+
+    def __init__(self, model: Path | None = None) -> None:
+        self._pipeline = InProcessPipeline(DetectorSettings(model=model), TrackerSettings())
 
     def see(
         self, frame: FrameId, image: NDArray[np.uint8], offset_px: tuple[float, float],
@@ -90,9 +95,9 @@ class TrueBoxes:
         return self._tracker.update(blobs)
 
 
-def perception(name: PerceptionName) -> Perception:
-    """The perception of that name, knowing nobody."""
-    return TrueBoxes() if name == "true-boxes" else Pixels()
+def perception(name: PerceptionName, model: Path | None = None) -> Perception:
+    """The perception of that name, knowing nobody; `model` is for pixels."""
+    return TrueBoxes() if name == "true-boxes" else Pixels(model)
 
 
 def _blobs(truth: InWindow, image: NDArray[np.uint8]) -> tuple[Blob, ...]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from evaluation.panning.episode import Episode, Outcome
-from evaluation.panning.perception import PerceptionName, perception
+from evaluation.panning.perception import Perception
 from evaluation.panning.truth import NOBODY, People, read_people
 from schemas.errors import HeelError
 from services.capture.pan_window import PanSettings
@@ -43,7 +44,7 @@ def appearances(people: dict[int, People], least_frames: float) -> list[Appearan
 def follow_everybody(
     sequence: Path,
     settings: PanSettings,
-    how: PerceptionName,
+    look: Callable[[], Perception],
     only: frozenset[int] = frozenset(),
     least_visible_s: float = LEAST_VISIBLE_S,
 ) -> list[Outcome]:
@@ -52,7 +53,7 @@ def follow_everybody(
     Args:
         sequence: MOTChallenge directory with pictures and ground truth.
         settings: of the window; its start is replaced with where each person appears.
-        how: what the follower sees.
+        look: makes what the follower sees with, anew for each person.
         only: identities to follow; empty for all.
         least_visible_s: people who are to be seen for less are not followed.
 
@@ -79,7 +80,7 @@ def follow_everybody(
                     continue
                 if one.person not in episodes:
                     start = _start(settings, people[one.first], one.person, size)
-                    episodes[one.person] = Episode(one.person, size, start, perception(how))
+                    episodes[one.person] = Episode(one.person, size, start, look())
                 episodes[one.person].frame(
                     picture.index, picture.media_time_s, picture.image, people.get(frame, NOBODY)
                 )

@@ -155,7 +155,8 @@ def parse_pan(spec: str) -> tuple[str, PanSettings]:
 
 def _opened(path: Path) -> TextIO:
     try:
-        file = path.open("w", encoding="ascii")
+        # Line by line, so that it is whole whenever and however the process ends.
+        file = path.open("w", encoding="ascii", buffering=1)
     except OSError as error:
         raise SourceError(f"window_file {path}: {error.strerror}: check the path") from None
     file.write("frame,left_px,top_px\n")

@@ -141,12 +141,12 @@ def test_a_sequence_without_anybody_to_follow_is_refused() -> None:
     if not PETS.is_dir():
         pytest.skip(f"no recordings in {DATA}: set HEEL_DATA")
     with pytest.raises(HeelError, match="visible for 5000 s"):
-        follow_everybody(PETS, PanSettings(), "true-boxes", least_visible_s=5000.0)
+        follow_everybody(PETS, PanSettings(), TrueBoxes, least_visible_s=5000.0)
 
 
 def test_a_real_person_is_kept_with_true_boxes() -> None:
     if not PETS.is_dir():
         pytest.skip(f"no recordings in {DATA}: set HEEL_DATA")
-    (outcome,) = follow_everybody(PETS, PanSettings(), "true-boxes", frozenset({15}))
+    (outcome,) = follow_everybody(PETS, PanSettings(), TrueBoxes, frozenset({15}))
     assert outcome.kept >= 0.95 * outcome.since_chosen
     assert outcome.wrong == 0
