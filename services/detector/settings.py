@@ -48,9 +48,9 @@ class DetectorSettings(BaseModel):
         description="onnx, live: mean time of the network a frame that is kept, ms; 0: no bound, "
         "as always in a lossless run",
     )
-    model_closer_looks: bool = Field(
-        default=True,
-        description="onnx: run the network a second time on a part of the frame, enlarged, where "
+    model_closer_looks: Annotated[int, Field(ge=0, le=8)] = Field(
+        default=2,
+        description="onnx: most parts of a frame on which the network runs again, enlarged, where "
         "people are small",
     )
     carry_s: Annotated[float, Field(ge=0, le=5)] = Field(

@@ -28,7 +28,7 @@ class Expected:
 
 
 class Attention:
-    """Chooses one view a frame."""
+    """Chooses the views of a frame."""
 
     def __init__(self, views: Views) -> None:
         """Start with nobody looked at."""
@@ -36,18 +36,29 @@ class Attention:
         self._looked: dict[int, int] = {}
         self._searched, self._tile, self._turn = 0, 0, 0
 
-    def next_view(self, expected: Sequence[Expected]) -> View | None:
-        """The view of whoever has waited longest; the next tile of the frame if nobody has.
+    def next_views(self, expected: Sequence[Expected], most: int) -> list[View]:
+        """The views of those who have waited longest, and now and then a tile of the frame.
 
         None where a closer look at anybody would show no more than the whole frame does.
+
+        Args:
+            expected: who is likely to be in this frame.
+            most: number of views.
         """
-        self._turn += 1
+        views: list[View] = []
+        while len(views) < most and (view := self._next_view(expected, views)) is not None:
+            views.append(view)
+        return views
+
+    def _next_view(self, expected: Sequence[Expected], chosen: Sequence[View]) -> View | None:
+        self._turn += not chosen
         known = {person.track_id for person in expected}
         self._looked = {one: turn for one, turn in self._looked.items() if one in known}
         waiting = [
             (self._last_look(person), view)
             for person in expected
-            if (view := self._views.around(person.box_xyxy)) is not None
+            if not any(view.holds(person.box_xyxy) for view in chosen)
+            and (view := self._views.around(person.box_xyxy)) is not None
         ]
         if waiting:
             view = min(waiting, key=lambda entry: entry[0])[1]
@@ -58,7 +69,7 @@ class Attention:
 
     def _search(self, expected: Sequence[Expected]) -> View | None:
         tiles = self._views.tiles
-        if not tiles:
+        if not tiles or self._searched == self._turn:
             return None
         self._searched = self._turn
         self._tile = (self._tile + 1) % len(tiles)

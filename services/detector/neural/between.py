@@ -100,4 +100,4 @@ def _inside(box: BoxXyxy, image: NDArray[np.uint8]) -> bool:
     across = min(right, columns) - max(left, 0.0)
     down = min(bottom, rows) - max(top, 0.0)
     area = (right - left) * (bottom - top)
-    return min(across, down) > 0 and across * down >= _LEAST_INSIDE * area
+    return bool(min(across, down) > 0 and across * down >= _LEAST_INSIDE * area)

@@ -8,6 +8,7 @@ whoever runs the network and given here as numbers.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 _MEMORY = 0.2
@@ -23,7 +24,7 @@ class Looks:
     """What to run the network on in this frame."""
 
     whole: bool
-    part: bool
+    parts: int
 
 
 class Budget:
@@ -37,36 +38,39 @@ class Budget:
         self._part_ms: float | None = None
         self._since_whole = 0
 
-    def choose(self, part_wanted: bool) -> Looks:
+    def choose(self, parts_wanted: int) -> Looks:
         """What to look at in the next frame.
 
         Args:
-            part_wanted: whether there is a part of the frame worth a closer look.
+            parts_wanted: how many parts of the frame are worth a closer look.
         """
         if self._budget_ms == 0:
-            return Looks(True, part_wanted)
+            return Looks(True, parts_wanted)
         self._since_whole += 1
         most_ms = max(self._budget_ms, _SAVED_LOOKS * (self._whole_ms or self._budget_ms))
         self._saved_ms = min(self._saved_ms + self._budget_ms, most_ms)
         if self._whole_ms is None:
-            return Looks(True, False)
-        whole_ms, part_ms = self._whole_ms, self._part_ms or self._whole_ms
-        if self._saved_ms >= whole_ms and (not part_wanted or self._since_whole >= self._period()):
-            return Looks(True, part_wanted and self._saved_ms >= whole_ms + part_ms)
-        if not part_wanted or self._saved_ms < part_ms:
-            return Looks(False, False)
-        until_due = max(0, self._period() - self._since_whole)
-        left_ms = self._saved_ms - part_ms + until_due * self._budget_ms
-        return Looks(False, left_ms >= whole_ms)
+            return Looks(True, 0)
+        due_in = max(0, self._period() - self._since_whole) if parts_wanted else 0
+        if due_in == 0:
+            if self._saved_ms < self._whole_ms:
+                return Looks(False, 0)
+            return Looks(True, self._affordable(parts_wanted, self._saved_ms - self._whole_ms))
+        later_ms = self._saved_ms + due_in * self._budget_ms - self._whole_ms
+        return Looks(False, self._affordable(parts_wanted, min(self._saved_ms, later_ms)))
 
-    def spent(self, whole_ms: float | None, part_ms: float | None) -> None:
-        """Say what the looks of the last frame took, None for one that was not taken."""
-        self._saved_ms -= (whole_ms or 0.0) + (part_ms or 0.0)
+    def spent(self, whole_ms: float | None, parts_ms: Sequence[float]) -> None:
+        """Say what the looks of the last frame took, None for a whole frame not looked at."""
+        self._saved_ms -= (whole_ms or 0.0) + sum(parts_ms)
         if whole_ms is not None:
             self._whole_ms = _blended(self._whole_ms, whole_ms)
             self._since_whole = 0
-        if part_ms is not None:
+        for part_ms in parts_ms:
             self._part_ms = _blended(self._part_ms, part_ms)
+
+    def _affordable(self, wanted: int, left_ms: float) -> int:
+        part_ms = self._part_ms or self._whole_ms or left_ms
+        return max(0, min(wanted, int(left_ms // max(part_ms, 1e-6))))
 
     def _period(self) -> int:
         """Frames from one whole frame to the next, with a closer look in each between."""

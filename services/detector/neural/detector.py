@@ -77,8 +77,8 @@ class NeuralDetector:
         scene.path.add(frame.id.seq, step)
         known = confirmed_people(feedback, frame.id, scene.path)
         expected = [*known, *newcomers(scene.between.people, known, step)]
-        part = scene.attention.next_view(expected) if self._settings.model_closer_looks else None
-        found = self._look(frame.image, scene, part)
+        parts = scene.attention.next_views(expected, self._settings.model_closer_looks)
+        found = self._look(frame.image, scene, parts)
         seen = [
             Seen((left, top, right, bottom), min(1.0, score))
             for (left, top, right, bottom), score in zip(
@@ -106,24 +106,26 @@ class NeuralDetector:
         grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
         return scene.ego.update(grey, free_mask(feedback, frame.id, scene.size))
 
-    def _look(self, image: NDArray[np.uint8], scene: _Scene, part: View | None) -> Detections:
-        looks = self._budget.choose(part is not None)
-        whole = close = nobody()
-        whole_ms = part_ms = None
+    def _look(self, image: NDArray[np.uint8], scene: _Scene, parts: Sequence[View]) -> Detections:
+        looks = self._budget.choose(len(parts))
+        found, whole_ms = nobody(), None
         if looks.whole:
-            whole, whole_ms = self._timed(image, scene.views, scene.views.whole)
-        if looks.part and part is not None:
+            found, whole_ms = self._timed(image, scene.views, scene.views.whole)
+        parts_ms = []
+        for part in parts[: looks.parts]:
             close, part_ms = self._timed(image, scene.views, part)
-        self._budget.spent(whole_ms, part_ms)
-        return whole if part is None else together(whole, close, part)
+            found = together(found, close, part)
+            parts_ms.append(part_ms)
+        self._budget.spent(whole_ms, parts_ms)
+        return found
 
     def _timed(
         self, image: NDArray[np.uint8], views: Views, part: View
-    ) -> tuple[Detections, float | None]:
+    ) -> tuple[Detections, float]:
         started_s = self._clock() if self._clock is not None else 0.0
         found = look(self._model, image, views, self._settings.model_score, part)
         if self._clock is None:
-            return found, None
+            return found, 0.0
         return found, 1e3 * (self._clock() - started_s)
 
     def _message(
