@@ -98,8 +98,9 @@ def _chosen(gt: BoxRows, tracks: BoxRows, iou_threshold: float) -> int | None:
 
 def _overlaps(a_xyxy: NDArray[np.float64], b_xyxy: NDArray[np.float64]) -> NDArray[np.float64]:
     """IoU of every row with the same row."""
-    pairs = zip(a_xyxy, b_xyxy, strict=True)
-    return np.array([iou_matrix(a[None], b[None])[0, 0] for a, b in pairs])
+    return np.array(
+        [iou_matrix(a[None], b[None])[0, 0] for a, b in zip(a_xyxy, b_xyxy, strict=True)]
+    )
 
 
 def _centres(boxes_xyxy: NDArray[np.float64]) -> NDArray[np.float64]:

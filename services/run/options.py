@@ -12,8 +12,8 @@ from typing import Literal
 class RunOptions:
     """Options of one run.
 
-    Every other setting of the services comes from the settings file and the environment, which all
-    processes read.
+    Every other setting of the services comes from the settings file and the environment, which
+    all processes read.
     """
 
     source: str
