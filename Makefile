@@ -51,8 +51,13 @@ bench: $(READY)  ## speed, latency and memory, each against something
 	$(BIN)/python -m benchmarks.overhead
 	$(BIN)/python -m benchmarks.realtime
 
-results: $(READY)  ## score both presets on all recordings and write docs/results.md
+results: $(READY)  ## score everything on all recordings and write docs/results.md and docs/identity.md
 	$(BIN)/python -m benchmarks.accuracy --write docs/results.md
+	$(BIN)/python -m benchmarks.ablation --write docs/results.md
+	$(BIN)/python -m benchmarks.reliability --write docs/identity.md
+	$(BIN)/python -m benchmarks.features --write docs/identity.md
+	$(BIN)/python -m benchmarks.speed --write docs/results.md
+	$(BIN)/python -m benchmarks.pictures docs
 
 $(PEERS)/ready: pyproject.toml constraints.txt
 	$(CHECK_PYTHON)

@@ -21,14 +21,24 @@ from services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 PRESETS = ("default", "paper")
-BEGIN, END = "<!-- scores: begin -->", "<!-- scores: end -->"
 _COLUMNS = ("keep", "wrong", "mota", "motp", "idf1", "hota", "idsw", "fp", "fn", "boxes", "dice")
 
 
-def measure(recording: str, preset: str) -> tuple[SequenceScores, float]:
-    """Scores of one recording, and milliseconds a frame of the whole chain in one process."""
+def measure(
+    recording: str, preset: str = "default", settings: str = ""
+) -> tuple[SequenceScores, float]:
+    """Scores of one recording, and milliseconds a frame of the whole chain in one process.
+
+    Args:
+        recording: a source of `heel run`.
+        preset: of detector and tracker.
+        settings: text of a settings file.
+    """
     with tempfile.TemporaryDirectory() as out:
-        summary = heel_run(recording, Path(out), "--in-process", "--preset", preset)
+        config = Path(out) / "settings.toml"
+        config.write_text(settings, encoding="utf-8")
+        flags = ("--in-process", "--preset", preset, "--config", str(config))
+        summary = heel_run(recording, Path(out), *flags)
         scores = evaluate(truth_of(recording, Path(out)), Path(out))
     scores = scores.model_copy(update={"sequence": name_of(recording)})
     return scores, 1e3 * float(summary["wall_s"]) / max(1, int(summary["frames"]["tracked"]))
@@ -58,11 +68,12 @@ def table(measured: list[tuple[str, SequenceScores, float]]) -> str:
     return "\n".join(lines + [row(*entry) for entry in measured]) + "\n"
 
 
-def replace_between(text: str, new: str) -> str:
-    """`text` with what stands between the two marks replaced."""
-    head, _, rest = text.partition(BEGIN)
-    _, _, tail = rest.partition(END)
-    return f"{head}{BEGIN}\n{new}{END}{tail}"
+def replace_between(text: str, new: str, name: str = "scores") -> str:
+    """`text` with what stands between the two marks of that name replaced."""
+    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    head, _, rest = text.partition(begin)
+    _, _, tail = rest.partition(end)
+    return f"{head}{begin}\n{new}{end}{tail}"
 
 
 @app.command()

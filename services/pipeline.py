@@ -26,7 +26,7 @@ from services.detector.settings import DetectorServiceSettings, DetectorSettings
 from services.follower.core import Follower
 from services.follower.settings import FollowerServiceSettings, FollowerSettings
 from services.runtime.settings import Loaded, load_settings
-from services.tracker.core import Tracker
+from services.tracker.core import configured
 from services.tracker.settings import TrackerServiceSettings, TrackerSettings
 
 REPEATABLE_EPOCH = 1
@@ -40,26 +40,40 @@ class InProcessPipeline:
 
     def __init__(self, detector: DetectorSettings, tracker: TrackerSettings) -> None:
         self._detector = Detector(detector)
-        self._tracker = Tracker(tracker)
+        self._tracker = configured(tracker)
         self._recent: deque[Tracks] = deque(maxlen=detector.feedback_lag_frames)
 
     def step(
         self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
     ) -> tuple[Blobs, Tracks]:
-        """Process one frame; it is protected with the tracks of exactly `lag` frames before.
+        """Process one frame: `detect`, then `track`.
 
         Args:
             frame: which frame this is; seq goes up by one within an epoch.
             image: (H, W, 3) uint8 BGR.
             source_size: width and height before capture scaled the frame, pixels.
         """
+        blobs = self.detect(frame, image, source_size)
+        return blobs, self.track(blobs)
+
+    def detect(
+        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
+    ) -> Blobs:
+        """Blobs of a frame, protected with the tracks of exactly `lag` frames before."""
         lag = self._detector.settings.feedback_lag_frames
         wanted = (frame.epoch, frame.seq - lag)
         feedback = next((old for old in self._recent if (old.epoch, old.seq) == wanted), None)
-        blobs = self._detector.detect(frame, image, source_size, feedback)
+        return self._detector.detect(frame, image, source_size, feedback)
+
+    def track(self, blobs: Blobs) -> Tracks:
+        """Tracks of the frame just detected."""
         tracks = self._tracker.update(blobs)
         self._recent.append(tracks)
-        return blobs, tracks
+        return tracks
+
+    def settle(self) -> None:
+        """What the tracker does once a frame's tracks are sent, otherwise done by `track`."""
+        self._tracker.settle()
 
 
 @dataclass(frozen=True)
@@ -107,15 +121,17 @@ def _camera_info(tracks: Tracks, camera: Mounting) -> CameraInfo:
 
 
 def load_pipeline(
-    preset: str, target: str, file: Path | None
-) -> tuple[FollowingPipeline, dict[str, Any]]:
+    preset: str, target: str, file: Path | None, detector_name: str | None = None,
+    model: Path | None = None,
+) -> tuple[FollowingPipeline, dict[str, Any]]:  # fmt: skip
     """The cores with the settings that the processes would read, and those settings to show.
 
     Raises:
         SettingsError: as `load_settings`.
     """
+    chosen = {"preset": preset, "detector": detector_name, "model": model}
     detector: Loaded[DetectorServiceSettings] = load_settings(
-        "detector", DetectorServiceSettings, {"detector": {"preset": preset}}, file
+        "detector", DetectorServiceSettings, {"detector": chosen}, file
     )
     tracker: Loaded[TrackerServiceSettings] = load_settings(
         "tracker", TrackerServiceSettings, {"tracker": {"preset": preset}}, file

@@ -130,6 +130,5 @@ def _named(run: Run, task: EpisodeTask) -> EpisodeResult:
     try:
         return run(task)
     except Exception as error:
-        raise HeelError(
-            f"scenario {task.scenario}, seed {task.seed}: {type(error).__name__}: {error}"
-        ) from error
+        said = str(error) if isinstance(error, HeelError) else f"{type(error).__name__}: {error}"
+        raise HeelError(f"scenario {task.scenario}, seed {task.seed}: {said}") from error

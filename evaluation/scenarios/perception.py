@@ -8,7 +8,7 @@ from schemas import CameraInfo, FrameId, Tracks
 from services.simulator.boxes import SimulatedDetector
 from services.simulator.state import CameraMount
 from services.simulator.world import World
-from services.tracker.core import Tracker
+from services.tracker.core import configured
 from services.tracker.settings import TrackerSettings
 
 STREAM = "front"
@@ -27,7 +27,7 @@ class SimulatedBoxes:
     def __init__(self, world: World, mount: CameraMount, tracker: TrackerSettings) -> None:
         self._world = world
         self._detector = SimulatedDetector(mount, world.seed)
-        self._tracker = Tracker(tracker)
+        self._tracker = configured(tracker)
 
     def see(self, frame: FrameId) -> Tracks:
         """Boxes to tracks."""

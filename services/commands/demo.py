@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from schemas.errors import SettingsError
 from services.commands.drawn_demo import play_scene
 from services.commands.run import PARENT_EXIT_S
 from services.run.guard import guarded
@@ -39,6 +40,12 @@ def demo(
         Literal["simulated-boxes", "pixels"],
         typer.Option(help="who sees the people: the simulator itself, or the detector"),
     ] = "simulated-boxes",
+    detector: Annotated[
+        str | None, typer.Option(help="how people are found in pixels: auto, mixture, ego, onnx")
+    ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="ONNX network that finds people", metavar="FILE")
+    ] = None,
     scene: Annotated[
         bool, typer.Option("--scene", help="play the drawn scene of a standing camera instead")
     ] = False,
@@ -51,12 +58,19 @@ def demo(
     if scene:
         options = RunOptions(
             source="scene:demo", out=folder, delivery="live", loop=loop, seconds=seconds,
-            web_port=port, on_page=on_page,
+            web_port=port, on_page=on_page, detector=detector, model=model,
         )  # fmt: skip
         raise typer.Exit(guarded(lambda: play_scene(options)))
 
+    if perception == "simulated-boxes" and (detector is not None or model is not None):
+        raise SettingsError(
+            "--detector and --model look at pixels, and the people here are the simulator's own "
+            "boxes: add --perception pixels, or --scene"
+        )
+    looking = RunOptions(source="", out=folder, detector=detector, model=model).detector_flags()
+
     def work() -> None:
-        _play_world(folder, scenario, seed, perception, loop, seconds, port, on_page)
+        _play_world(folder, scenario, seed, perception, loop, seconds, port, on_page, looking)
 
     raise typer.Exit(guarded(work))
 
@@ -64,13 +78,15 @@ def demo(
 def _play_world(
     out: Path, scenario: str, seed: int, perception: Literal["simulated-boxes", "pixels"],
     loop: bool, seconds: float | None, port: int, on_page: Callable[[str], None],
+    detector_flags: list[str],
 ) -> None:  # fmt: skip
     # Imported here, in the guarded process: see `guarded`.
     from services.run.world import WorldOptions, WorldRun
     from services.runtime.service import stop_signals
 
     logging.basicConfig(format="heel: %(message)s", level=logging.WARNING)
-    options = WorldOptions(out, scenario, seed, perception, loop, seconds, port, on_page)
+    options = WorldOptions(out, scenario, seed, perception, loop, seconds, port, on_page,
+                           tuple(detector_flags))  # fmt: skip
     with stop_signals(PARENT_EXIT_S) as stopping:
         figures = WorldRun(options, stopping, logging.getLogger("heel.demo")).run()
     gap = "-" if figures.least_gap_m is None else f"{figures.least_gap_m:.2f} m"

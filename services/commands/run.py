@@ -35,6 +35,12 @@ def run(
     preset: Annotated[
         Literal["default", "paper"], typer.Option(help="ours, or the paper as printed")
     ] = "default",
+    detector: Annotated[
+        str | None, typer.Option(help="how people are found: auto, mixture, ego, onnx, ...")
+    ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="ONNX network that finds people", metavar="FILE")
+    ] = None,
     annotate: Annotated[
         bool, typer.Option("--annotate", help="write annotated.mp4 as well")
     ] = False,
@@ -61,6 +67,7 @@ def run(
         raise SettingsError(f"{source}: a camera does not wait: leave out --lossless")
     options = RunOptions(
         source=source, out=out, delivery="lossless" if lossless else "live", preset=preset,
+        detector=detector, model=model,
         annotate=annotate, target=target, scale=scale, fps=fps, loop=loop, frames=frames,
         seconds=seconds, web_port=web, config=config, on_page=_print_page,
     )  # fmt: skip

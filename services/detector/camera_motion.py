@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from schemas.base import BoxXyxy
+
 Affine = NDArray[np.float64]
 """(2, 3) matrix that maps pixels of an older frame to pixels of a newer one."""
 
@@ -69,6 +71,15 @@ def compose(later: Affine, earlier: Affine) -> Affine:
 def moved_points(affine: Affine, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N, 2) points through the affine."""
     return np.asarray(points @ affine[:, :2].T + affine[:, 2])
+
+
+def moved_box(box: BoxXyxy, affine: Affine) -> BoxXyxy:
+    """An upright box through the affine: its centre moves, its size changes with the zoom."""
+    left, top, right, bottom = box
+    x, y = moved_points(affine, np.array([[(left + right) / 2, (top + bottom) / 2]]))[0].tolist()
+    zoom = float(np.sqrt(abs(np.linalg.det(affine[:, :2]))))
+    across, down = zoom * (right - left) / 2, zoom * (bottom - top) / 2
+    return (x - across, y - down, x + across, y + down)
 
 
 class EgoMotion:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -26,14 +27,21 @@ class Detector:
         blobs = detector.detect(frame, image, source_size, feedback=None)
     """
 
-    def __init__(self, settings: DetectorSettings) -> None:
+    def __init__(
+        self, settings: DetectorSettings, clock: Callable[[], float] | None = None
+    ) -> None:
         """Make it.
+
+        Args:
+            settings: of the detector.
+            clock: seconds, where what is found may depend on the time it takes (live, with a
+                budget); None: on the frames alone.
 
         Raises:
             SettingsError: it is not known, or its model cannot be used.
         """
         self.settings = settings
-        self._detector = _made(settings)
+        self._detector = _made(settings, clock)
 
     def detect(
         self,
@@ -56,24 +64,19 @@ class Detector:
         return self._detector.detect(Frame(frame, image, source_size, feedback))
 
 
-def _automatic(settings: DetectorSettings) -> FrameDetector:
-    if settings.model is not None:
-        return NeuralDetector(settings)
-    return BackgroundDetector(AutoForeground, settings)
-
-
 _BUILT_IN: dict[str, Factory] = {
-    "auto": _automatic,
+    "auto": partial(BackgroundDetector, AutoForeground),
     "mixture": partial(BackgroundDetector, MixtureForeground),
     "mog2": partial(BackgroundDetector, Mog2Foreground),
     "ego": partial(BackgroundDetector, EgoForeground),
-    "onnx": NeuralDetector,
 }
 
 
-def _made(settings: DetectorSettings) -> FrameDetector:
+def _made(settings: DetectorSettings, clock: Callable[[], float] | None) -> FrameDetector:
     name = settings.detector
+    if name == "onnx" or (name == "auto" and settings.model is not None):
+        return NeuralDetector(settings, clock)
     if settings.model is not None and name in ("mixture", "mog2", "ego"):
         raise SettingsError(f"detector {name} takes no model: leave out --model, or use onnx")
-    factory = _BUILT_IN.get(name) or added_detector(name, list(_BUILT_IN))
+    factory = _BUILT_IN.get(name) or added_detector(name, [*_BUILT_IN, "onnx"])
     return factory(settings)

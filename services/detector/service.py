@@ -24,7 +24,8 @@ class DetectorService:
     def __init__(self, context: ServiceContext[DetectorServiceSettings]) -> None:
         self._context = context
         self._settings = context.settings
-        self._detector = Detector(context.settings)
+        live = context.settings.delivery == "live"
+        self._detector = Detector(context.settings, time.monotonic if live else None)
         self._feedback = FeedbackBuffer(context.settings.feedback_lag_frames)
         camera = context.settings.camera
         self._images = context.subscribe("image", keys.image(camera), qos.IMAGE)

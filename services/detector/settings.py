@@ -43,6 +43,21 @@ class DetectorSettings(BaseModel):
     model_score: Annotated[float, Field(gt=0, lt=1)] = Field(
         default=0.3, description="onnx: least score of a person"
     )
+    model_budget_ms: Annotated[float, Field(ge=0, le=10000)] = Field(
+        default=0.0,
+        description="onnx, live: mean time of the network a frame that is kept, ms; 0: no bound, "
+        "as always in a lossless run",
+    )
+    model_closer_looks: Annotated[int, Field(ge=0, le=8)] = Field(
+        default=2,
+        description="onnx: most parts of a frame on which the network runs again, enlarged, where "
+        "people are small",
+    )
+    carry_s: Annotated[float, Field(ge=0, le=5)] = Field(
+        default=0.5,
+        description="onnx: longest time for which somebody the network misses is carried on by "
+        "their pixels, s",
+    )
     work_width_px: Annotated[int, Field(ge=16, le=1024)] = Field(
         default=480, description="frames wider than this are shrunk before anything else, pixels"
     )

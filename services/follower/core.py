@@ -198,7 +198,8 @@ class Follower:
         _, sideways = pose.turned(*place.velocity)
         _, left = pose.seen(*expected)
         side = math.copysign(1.0, sideways if abs(sideways) > 0.2 else left)
-        self._search = Search(pose, expected, side, self.settings.search_sweep_rad)
+        last_seen = place.place_at(place.t_s)
+        self._search = Search(pose, expected, last_seen, side, self.settings.search_sweep_rad)
 
     def _drive(self, now_s: float, dt_s: float) -> tuple[float, float]:
         """Velocity of the present state: only three of them move, and `searching` on the spot."""

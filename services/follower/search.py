@@ -10,22 +10,31 @@ _REACHED_RAD = 0.08
 
 
 class Search:
-    """Looks where the person is expected, then to both sides, then back, and gives up.
+    """Looks where the person is expected, then to both sides, and gives up.
+
+    In the end it faces where the person was last seen: who has gone behind something comes back
+    there sooner than through the wall.
 
     Args:
         start: where the robot is now.
         expected: place at which the person is expected.
+        last_seen: place at which the person was last seen.
         sideways: which side the person was going to, +1 left, -1 right.
         sweep_rad: how far to either side of the expected place.
     """
 
     def __init__(
-        self, start: Pose, expected: tuple[float, float], sideways: float, sweep_rad: float
+        self,
+        start: Pose,
+        expected: tuple[float, float],
+        last_seen: tuple[float, float],
+        sideways: float,
+        sweep_rad: float,
     ) -> None:
-        ahead, left = start.seen(*expected)
-        first_rad = start.heading_rad + math.atan2(left, ahead)
-        offsets = (0.0, sideways * sweep_rad, -sideways * sweep_rad, 0.0)
+        first_rad = _heading_rad(start, expected)
+        offsets = (0.0, sideways * sweep_rad, -sideways * sweep_rad)
         self._headings = [first_rad + offset for offset in offsets]
+        self._headings.append(_heading_rad(start, last_seen))
         self._leg = 0
 
     @property
@@ -41,3 +50,9 @@ class Search:
                 return off_rad
             self._leg += 1
         return 0.0
+
+
+def _heading_rad(pose: Pose, place: tuple[float, float]) -> float:
+    """The heading that looks at a place, as few turns as possible from the present one."""
+    ahead, left = pose.seen(*place)
+    return pose.heading_rad + math.atan2(left, ahead)

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from schemas import SettingsError
 from services.geometry.calibrate import MountEstimate
+from services.geometry.town_centre import mounting_of
 
 
 class _Strict(BaseModel):
@@ -72,12 +73,14 @@ def write_calibration(file: Path, calibration: Calibration) -> None:
 
 
 def read_calibration(file: Path) -> Calibration:
-    """Read a calibration file.
+    """Read a calibration file: our TOML, or the Town Centre data set's `.ci`.
 
     Raises:
-        SettingsError: unreadable, not TOML, an unknown key or a value out of range.
+        SettingsError: unreadable, not of its format, an unknown key or a value out of range.
     """
     try:
+        if file.suffix == ".ci":
+            return _of_town_centre(file)
         return Calibration.model_validate(tomllib.loads(file.read_text(encoding="utf-8")))
     except OSError as error:
         raise SettingsError(f"calibration file {file}: {error.strerror}: check the path") from None
@@ -89,3 +92,16 @@ def read_calibration(file: Path) -> Calibration:
         raise SettingsError(
             f"calibration file {file}: {where}: {first['msg']}; make it with `heel calibrate`"
         ) from None
+
+
+def _of_town_centre(file: Path) -> Calibration:
+    try:
+        height_m, pitch_deg, fov_deg = mounting_of(file.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise SettingsError(f"calibration file {file} is not of Town Centre: {error}") from None
+    return Calibration(
+        mount_height_m=round(height_m, 4),
+        mount_pitch_deg=round(pitch_deg, 3),
+        horizontal_fov_deg=round(fov_deg, 3),
+        made=None,
+    )

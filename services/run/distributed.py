@@ -67,7 +67,7 @@ class DistributedRun:
         o = self._options
         common = ["--connect", endpoint, "--exit-at-end", "--delivery", o.delivery]
         common += ["--config", str(o.config)] if o.config is not None else []
-        children.start("detector", *common, "--preset", o.preset)
+        children.start("detector", *common, *o.detector_flags())
         children.start("tracker", *common, "--preset", o.preset)
         children.start("follower", *common, "--target", o.target)
         wanted = {"detector", "tracker", "follower"}

@@ -34,7 +34,9 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
             raise HeelError(f"{options.source}: --in-process takes recordings, not cameras")
         outputs = stack.enter_context(RunOutputs(options.out))
         stack.callback(summary.write, options.out)
-        pipeline, summary.settings = load_pipeline(options.preset, options.target, options.config)
+        pipeline, summary.settings = load_pipeline(
+            options.preset, options.target, options.config, options.detector, options.model
+        )
         video = (
             stack.enter_context(AnnotatedVideo(options.out / "annotated.mp4"))
             if options.annotate

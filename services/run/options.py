@@ -12,14 +12,16 @@ from typing import Literal
 class RunOptions:
     """Options of one run.
 
-    Every other setting of the
-    services comes from the settings file and the environment, which all processes read.
+    Every other setting of the services comes from the settings file and the environment, which
+    all processes read.
     """
 
     source: str
     out: Path
     delivery: Literal["live", "lossless"] = "lossless"
     preset: Literal["default", "paper"] = "default"
+    detector: str | None = None
+    model: Path | None = None
     annotate: bool = False
     target: Literal["none", "nearest"] = "nearest"
     scale: float = 1.0
@@ -32,6 +34,13 @@ class RunOptions:
     progress: bool = True
     on_page: Callable[[str], None] | None = None
     """Told the live page's address once it is served."""
+
+    def detector_flags(self) -> list[str]:
+        """Flags of the detector process."""
+        flags = ["--preset", self.preset]
+        flags += ["--detector", self.detector] if self.detector is not None else []
+        flags += ["--model", str(self.model)] if self.model is not None else []
+        return flags
 
     def capture_flags(self) -> list[str]:
         """Flags of the capture process."""

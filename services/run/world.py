@@ -60,6 +60,8 @@ class WorldOptions:
     seconds: float | None
     web_port: int
     on_page: Callable[[str], None]
+    detector_flags: tuple[str, ...] = ()
+    """Flags of the detector process, which runs for pixels only."""
 
 
 class WorldRun:
@@ -118,7 +120,7 @@ class WorldRun:
         children.start("drive", *common, "--driver", "simulated")
         children.start("web", "--connect", endpoint, "--port", str(o.web_port))
         if o.perception == "pixels":
-            children.start("detector", *common)
+            children.start("detector", *common, *o.detector_flags)
             wanted.add("detector")
         await_present(session, children, wanted, self._stop)
         children.start(

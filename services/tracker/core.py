@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas import Blobs, FrameId, Track, Tracks
+from services.geometry.calibration_file import Calibration, read_calibration
 from services.tracker.blob.tracker import BlobTracker
 from services.tracker.fitted.tracker import FittedTracker
 from services.tracker.given_boxes.people import PeopleTracker
@@ -25,9 +26,15 @@ class Tracker:
         tracker.settle()  # once the tracks are on their way
     """
 
-    def __init__(self, settings: TrackerSettings) -> None:
-        """Start with nobody known."""
+    def __init__(self, settings: TrackerSettings, calibration: Calibration | None = None) -> None:
+        """Start with nobody known.
+
+        Args:
+            settings: which tracker; its calibration file is for the caller to read.
+            calibration: how the camera is mounted; None to learn the scene's scale.
+        """
         self.settings = settings
+        self._calibration = calibration
         self._scene: tuple[str, int, int, int, str] | None = None
         self._clock = FrameClock()
         self._method: Method = self._preset(next_id=1)
@@ -44,6 +51,7 @@ class Tracker:
         evidence = None if blobs.evidence is None else blobs.evidence.array()
         scene = (blobs.stream, blobs.epoch, blobs.width, blobs.height, blobs.kind)
         if scene != self._scene:
+            self.settle()  # it may use up ids
             self._scene = scene
             self._clock = FrameClock()
             self._method = self._started(blobs, self._method.next_id)
@@ -68,12 +76,22 @@ class Tracker:
     def _preset(self, next_id: int) -> Method:
         if self.settings.preset == "paper":
             return BlobTracker(next_id)
-        return FittedTracker(self.settings, next_id)
+        return FittedTracker(self.settings, next_id, self._calibration)
 
     def _tracks(self, blobs: Blobs, evidence: NDArray[np.uint8] | None, dt_s: float) -> list[Track]:
         if isinstance(self._method, FittedTracker):
             return self._method.update(blobs, evidence, dt_s)
         return self._method.update(blobs, dt_s)
+
+
+def configured(settings: TrackerSettings) -> Tracker:
+    """A tracker whose calibration file, if there is one, has been read.
+
+    Raises:
+        SettingsError: the file cannot be read.
+    """
+    file = settings.calibration
+    return Tracker(settings, None if file is None else read_calibration(file))
 
 
 def _message(blobs: Blobs, tracks: list[Track]) -> Tracks:

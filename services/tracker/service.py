@@ -10,14 +10,14 @@ from schemas import Blobs, MessageError, keys
 from services.runtime import qos
 from services.runtime.service import ServiceContext, run_service
 from services.runtime.settings import Loaded
-from services.tracker.core import Tracker, warm_up
+from services.tracker.core import configured, warm_up
 from services.tracker.settings import TrackerServiceSettings
 
 
 def serve(context: ServiceContext[TrackerServiceSettings]) -> None:
     """Track until the stream ends or the service is stopped."""
     warm_up()
-    tracker = Tracker(context.settings)
+    tracker = configured(context.settings)
     camera = context.settings.camera
     judge = context.subscribe("blobs", keys.blobs(camera), qos.BLOBS)
     out = context.publisher(keys.tracks(camera), qos.TRACKS)

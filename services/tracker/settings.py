@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -45,6 +46,17 @@ class TrackerSettings(BaseModel):
         description="a person hidden by others is shown for this long, s; others for half of it",
     )
     forget_s: Seconds = Field(default=3.5, description="a person not seen is forgotten after this")
+
+    identify: bool = Field(
+        default=True,
+        description="decide by looks who is who after people met, give up ids that stood for two "
+        "people, and know people again who were lost",
+    )
+    calibration: Path | None = Field(
+        default=None,
+        description="file of `heel calibrate` or Town Centre's .ci: how the camera is mounted, "
+        "from which the scene's scale is taken instead of learned",
+    )
 
     @model_validator(mode="before")
     @classmethod

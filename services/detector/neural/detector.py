@@ -1,33 +1,60 @@
-"""People found by a network, whole frame by whole frame."""
+"""People found by a network: whole frames, closer looks at small people, and pixels in between."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blob, Blobs, FrameId, Patch, SettingsError
+from schemas import Blobs, FrameId, SettingsError, Tracks
 from schemas.blobs import MAX_BLOBS
-from services.detector.background_detector import camera_motion
-from services.detector.camera_motion import EgoMotion
+from services.detector.background_detector import SceneKey, camera_motion
+from services.detector.camera_motion import EgoMotion, MotionEstimate
 from services.detector.free_mask import free_mask
 from services.detector.geometry import WorkSize
 from services.detector.interface import Frame
+from services.detector.neural.attention import Attention
+from services.detector.neural.between import Between, Seen
+from services.detector.neural.budget import Budget
+from services.detector.neural.expectation import CameraPath, confirmed_people, newcomers
+from services.detector.neural.looking import look, nobody, together
 from services.detector.neural.model import Detections, PersonModel
+from services.detector.neural.packing import person_blobs
+from services.detector.neural.views import View, Views
 from services.detector.regions import smoothed
 from services.detector.settings import DetectorSettings
 
-_PATCH_ROWS = 96
-"""Patches are reduced to at most this height: enough for the colours of clothes."""
+Clock = Callable[[], float]
+"""Seconds, of any origin."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scene:
+    """All that has to start over when the stream, the epoch or the size changes."""
+
+    key: SceneKey
+    size: WorkSize
+    views: Views
+    attention: Attention
+    between: Between
+    ego: EgoMotion
+    path: CameraPath
 
 
 class NeuralDetector:
     """One box a person, with a score, and how the camera has moved."""
 
-    def __init__(self, settings: DetectorSettings) -> None:
+    def __init__(self, settings: DetectorSettings, clock: Clock | None = None) -> None:
         """Load the network.
+
+        Args:
+            settings: which, and all numbers.
+            clock: times the network; without it `model_budget_ms` is no bound, so that what is
+                found depends on the pictures alone.
 
         Raises:
             SettingsError: there is none, or it cannot be used.
@@ -36,61 +63,89 @@ class NeuralDetector:
             raise SettingsError("detector onnx needs --model FILE: an ONNX network, see the README")
         self._model = PersonModel(Path(settings.model))
         self._settings = settings
-        self._scene: tuple[str, int, int, int] | None = None
-        self._ego = EgoMotion()
+        self._clock = clock
+        self._budget = Budget(settings.model_budget_ms if clock is not None else 0.0)
+        self._scene: _Scene | None = None
 
     def detect(self, frame: Frame) -> Blobs:
         """Find the people of one frame."""
+        scene = self._scene_of(frame)
+        feedback = _of_scene(frame.feedback, scene.key)
+        motion = self._ego_motion(scene, frame, feedback)
+        sent = camera_motion(motion, scene.size)
+        step = np.eye(2, 3) if sent is None else np.array(sent.affine).reshape(2, 3)
+        scene.path.add(frame.id.seq, step)
+        known = confirmed_people(feedback, frame.id, scene.path)
+        expected = [*known, *newcomers(scene.between.people, known, step)]
+        parts = scene.attention.next_views(expected, self._settings.model_closer_looks)
+        found = self._look(frame.image, scene, parts)
+        seen = [
+            Seen((left, top, right, bottom), min(1.0, score))
+            for (left, top, right, bottom), score in zip(
+                found.boxes.tolist(), found.scores.tolist(), strict=True
+            )
+        ]
+        grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), np.uint8)
+        where = [person.box_xyxy for person in known]
+        carried = scene.between.update(grey, frame.id.t_capture_ns, seen, where, step)
+        return self._message(frame, scene, [*seen, *carried], motion)
+
+    def _scene_of(self, frame: Frame) -> _Scene:
         height, width = frame.image.shape[:2]
-        size = WorkSize.of_frame(width, height, self._settings.work_width_px)
-        scene = (frame.id.stream, frame.id.epoch, width, height)
-        if scene != self._scene:
-            self._scene, self._ego = scene, EgoMotion()
-        found = self._model.detect(frame.image, self._settings.model_score)
-        small = smoothed(size.shrink(frame.image), self._settings.blur_px)
+        key = (frame.id.stream, frame.id.epoch, width, height)
+        if self._scene is None or key != self._scene.key:
+            views = Views((width, height), (self._model.width, self._model.height))
+            self._scene = _Scene(
+                key, WorkSize.of_frame(width, height, self._settings.work_width_px), views,
+                Attention(views), Between(self._settings.carry_s), EgoMotion(), CameraPath(),
+            )  # fmt: skip
+        return self._scene
+
+    def _ego_motion(self, scene: _Scene, frame: Frame, feedback: Tracks | None) -> MotionEstimate:
+        small = smoothed(scene.size.shrink(frame.image), self._settings.blur_px)
         grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
-        feedback = frame.feedback
-        if feedback is not None and (feedback.width, feedback.height) != (width, height):
-            feedback = None
-        motion = self._ego.update(grey, free_mask(feedback, frame.id, size))
+        return scene.ego.update(grey, free_mask(feedback, frame.id, scene.size))
+
+    def _look(self, image: NDArray[np.uint8], scene: _Scene, parts: Sequence[View]) -> Detections:
+        looks = self._budget.choose(len(parts))
+        found, whole_ms = nobody(), None
+        if looks.whole:
+            found, whole_ms = self._timed(image, scene.views, scene.views.whole)
+        parts_ms = []
+        for part in parts[: looks.parts]:
+            close, part_ms = self._timed(image, scene.views, part)
+            found = together(found, close, part)
+            parts_ms.append(part_ms)
+        self._budget.spent(whole_ms, parts_ms)
+        return found
+
+    def _timed(
+        self, image: NDArray[np.uint8], views: Views, part: View
+    ) -> tuple[Detections, float]:
+        started_s = self._clock() if self._clock is not None else 0.0
+        found = look(self._model, image, views, self._settings.model_score, part)
+        if self._clock is None:
+            return found, 0.0
+        return found, 1e3 * (self._clock() - started_s)
+
+    def _message(
+        self, frame: Frame, scene: _Scene, people: Sequence[Seen], motion: MotionEstimate
+    ) -> Blobs:
         return Blobs(
             **frame.id.model_dump(include=set(FrameId.model_fields)),
-            width=width,
-            height=height,
+            width=scene.size.frame_width,
+            height=scene.size.frame_height,
             source_width=frame.source_size[0],
             source_height=frame.source_size[1],
-            blobs=_blobs(found, frame.image),
-            blobs_left_out=max(0, len(found.boxes) - MAX_BLOBS),
+            blobs=person_blobs(people[:MAX_BLOBS], frame.image),
+            blobs_left_out=max(0, len(people) - MAX_BLOBS),
             kind="people",
-            camera_motion=camera_motion(motion, size),
+            camera_motion=camera_motion(motion, scene.size),
             detector="onnx",
         )
 
 
-def _blobs(found: Detections, image: NDArray[np.uint8]) -> tuple[Blob, ...]:
-    blobs = []
-    for box, score in list(zip(found.boxes.tolist(), found.scores.tolist(), strict=True)):
-        left, top, right, bottom = box
-        blobs.append(
-            Blob(
-                box_xyxy=(left, top, right, bottom),
-                area_px=(right - left) * (bottom - top),
-                centroid=((left + right) / 2, (top + bottom) / 2),
-                patch=Patch.from_array(_patch(image, box)),
-                score=min(1.0, score),
-            )
-        )
-    return tuple(blobs[:MAX_BLOBS])
-
-
-def _patch(image: NDArray[np.uint8], box: list[float]) -> NDArray[np.uint8]:
-    rows, columns = image.shape[:2]
-    left, top = min(int(box[0]), columns - 1), min(int(box[1]), rows - 1)
-    right, bottom = max(left + 1, round(box[2])), max(top + 1, round(box[3]))
-    pixels = image[top:bottom, left:right]
-    if pixels.shape[0] <= _PATCH_ROWS:
-        return pixels
-    width = max(1, round(pixels.shape[1] * _PATCH_ROWS / pixels.shape[0]))
-    return np.asarray(
-        cv2.resize(pixels, (width, _PATCH_ROWS), interpolation=cv2.INTER_AREA), np.uint8
-    )
+def _of_scene(tracks: Tracks | None, key: SceneKey) -> Tracks | None:
+    if tracks is None or (tracks.stream, tracks.epoch, tracks.width, tracks.height) != key:
+        return None
+    return tracks

@@ -18,7 +18,7 @@ _OVERLAP = 0.45
 _MOST_SIDE_PX = 2048
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Detections:
     """People in one picture.
 
@@ -80,7 +80,7 @@ class PersonModel:
         good = np.flatnonzero(scores >= least_score)
         boxes, scores = boxes[good] / np.float32(scale), scores[good]
         boxes = np.clip(boxes, 0.0, np.array([columns, rows, columns, rows], np.float32))
-        kept = _without_doubles(boxes, scores)
+        kept = without_doubles(boxes, scores)
         return Detections(boxes[kept], scores[kept])
 
     def _letterboxed(self, image: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
@@ -130,7 +130,7 @@ def _input_size(file: Path) -> tuple[int, int]:
     return width, height
 
 
-def _without_doubles(boxes: Floats, scores: Floats) -> NDArray[np.intp]:
+def without_doubles(boxes: Floats, scores: Floats) -> NDArray[np.intp]:
     """Indices of what non-maximum suppression leaves, best first."""
     wide = (boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])
     index = np.flatnonzero(wide & np.isfinite(boxes).all(axis=1))

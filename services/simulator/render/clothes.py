@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -10,19 +12,38 @@ from services.simulator.state import Colour, Outfit
 
 _SIZE = 128
 _WEAVES = 6
+_ALIKE = 12
+"""Grey levels by which clothes that look the same may differ in every channel."""
 
 
-def weave_of(outfit: Outfit) -> int:
-    """Which pattern goes with an outfit: the same for clothes that look nearly the same."""
-    return sum(round(channel / 85) * factor for channel, factor in zip(
-        (*outfit.top, *outfit.legs), (1, 2, 4, 3, 5, 1), strict=True)) % _WEAVES  # fmt: skip
+def weaves_of(outfits: Sequence[Outfit]) -> list[int]:
+    """Which pattern goes with each outfit; those that look nearly the same have the same."""
+    weaves: list[int] = []
+    for index, outfit in enumerate(outfits):
+        alike = (w for o, w in zip(outfits[:index], weaves, strict=True) if _alike(o, outfit))
+        weaves.append(next(alike, _weave(outfit)))
+    return weaves
 
 
-def top(outfit: Outfit) -> Picture:
-    """Jacket or shirt all around, (128, 128, 3); the middle column is the front."""
+def _weave(outfit: Outfit) -> int:
+    parts = zip((*outfit.top, *outfit.legs), (1, 2, 4, 3, 5, 1), strict=True)
+    return sum(round(channel / 85) * factor for channel, factor in parts) % _WEAVES
+
+
+def _alike(one: Outfit, other: Outfit) -> bool:
+    pairs = zip((*one.top, *one.legs), (*other.top, *other.legs), strict=True)
+    return all(abs(first - second) <= _ALIKE for first, second in pairs)
+
+
+def top(outfit: Outfit, weave: int) -> Picture:
+    """Jacket or shirt all around, (128, 128, 3); the middle column is the front.
+
+    Args:
+        outfit: its colours.
+        weave: its pattern, from `weaves_of`.
+    """
     base, second = np.array(outfit.top, np.float32), _contrast(outfit.top)
     picture = np.tile(base, (_SIZE, _SIZE, 1))
-    weave = weave_of(outfit)
     if weave == 1:
         for row in range(6, _SIZE, 22):
             picture[row : row + 9] = second

@@ -25,16 +25,17 @@ class Figure:
 
     Args:
         person: size and clothes; where and how they walk comes with `pose`.
+        weave: pattern of the clothes.
     """
 
-    def __init__(self, person: PersonState) -> None:
+    def __init__(self, person: PersonState, weave: int) -> None:
         self.root = core.NodePath(f"person-{person.id}")
         self._h = person.height_m
         self._girth = self._h * min(max(person.radius_m / _NORMAL_RADIUS_M, 0.85), 1.15)
         outfit = person.outfit
         self._skin = outfit.skin
         self._shoes = outfit.shoes
-        self._top = texture("top", clothes.top(outfit))
+        self._top = texture("top", clothes.top(outfit, weave))
         self._sleeve = texture("sleeve", clothes.cloth(outfit.top))
         self._legs_cloth = texture("legs", clothes.cloth(outfit.legs))
         self._cast_shadow()

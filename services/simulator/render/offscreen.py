@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import cv2
 import numpy as np
@@ -40,12 +39,10 @@ class OffscreenCamera:
     """
 
     def __init__(self, mount: CameraMount, supersampling: float) -> None:
-        core.load_prc_file_data("", _SETTINGS)
         self._size = mount.width_px, mount.height_px
-        self._drawn = tuple(round(side * supersampling) for side in self._size)
-        self._engine = core.GraphicsEngine()
-        self._pixels = core.Texture("pixels")
-        self._buffer = self._open_buffer()
+        drawn = round(mount.width_px * supersampling), round(mount.height_px * supersampling)
+        idle = _idle.get(drawn)
+        self._canvas = idle.pop() if idle else _Canvas(drawn)
         self.root = core.NodePath("world")
         # In the order of the graph: sorted by memory addresses, as by default, surfaces of equal
         # depth would hide each other now so, now so.
@@ -55,26 +52,7 @@ class OffscreenCamera:
         lens.set_fov(math.degrees(mount.horizontal_fov_rad))
         lens.set_near_far(_NEAR_M, _FAR_M)
         self._camera = self.root.attach_new_node(core.Camera("camera", lens))
-        self._buffer.make_display_region().set_camera(self._camera)
-
-    def _open_buffer(self) -> Any:
-        pipe = core.GraphicsPipeSelection.get_global_ptr().make_pipe(
-            "TinyOffscreenGraphicsPipe", "p3tinydisplay"
-        )  # fmt: skip
-        kind = core.FrameBufferProperties()
-        kind.set_rgb_color(True)
-        kind.set_depth_bits(24)
-        size = core.WindowProperties.size(*self._drawn)
-        buffer = pipe and self._engine.make_output(
-            pipe, "camera", 0, kind, size, core.GraphicsPipe.BF_refuse_window
-        )
-        if not buffer:
-            raise HeelError(
-                "panda3d's software renderer (p3tinydisplay) does not start: reinstall it with "
-                "pip install --force-reinstall panda3d"
-            )
-        buffer.add_render_texture(self._pixels, core.GraphicsOutput.RTM_copy_ram)
-        return buffer
+        self._canvas.region.set_camera(self._camera)
 
     def place(self, position_m: tuple[float, float, float], heading_rad: float, pitch_rad: float
               ) -> None:  # fmt: skip
@@ -86,18 +64,69 @@ class OffscreenCamera:
 
     def draw(self) -> NDArray[np.uint8]:
         """The picture, (H, W, 3) uint8 BGR."""
+        picture = self._canvas.draw()
+        if self._canvas.size == self._size:
+            return picture
+        return np.asarray(cv2.resize(picture, self._size, interpolation=cv2.INTER_AREA), np.uint8)
+
+    def close(self) -> None:
+        """Give the memory back."""
+        self.root.remove_node()
+        self._canvas.forget()
+        _idle.setdefault(self._canvas.size, []).append(self._canvas)
+
+
+class _Canvas:
+    """A buffer of the software renderer, and what draws into it.
+
+    Raises:
+        HeelError: the software renderer does not start.
+    """
+
+    def __init__(self, size: tuple[int, int]) -> None:
+        core.load_prc_file_data("", _SETTINGS)
+        self.size = size
+        self._engine = core.GraphicsEngine()
+        pipe = core.GraphicsPipeSelection.get_global_ptr().make_pipe(
+            "TinyOffscreenGraphicsPipe", "p3tinydisplay"
+        )
+        kind = core.FrameBufferProperties()
+        kind.set_rgb_color(True)
+        kind.set_depth_bits(24)
+        self._buffer = pipe and self._engine.make_output(
+            pipe, "camera", 0, kind, core.WindowProperties.size(*size),
+            core.GraphicsPipe.BF_refuse_window,
+        )  # fmt: skip
+        if not self._buffer:
+            raise HeelError(
+                "panda3d's software renderer (p3tinydisplay) does not start: reinstall it with "
+                "pip install --force-reinstall panda3d"
+            )
+        self._pixels = core.Texture("pixels")
+        self._buffer.add_render_texture(self._pixels, core.GraphicsOutput.RTM_copy_ram)
+        self.region = self._buffer.make_display_region()
+
+    def draw(self) -> NDArray[np.uint8]:
+        """What the region's camera sees, (H, W, 3) uint8 BGR."""
         self._engine.render_frame()
-        width, height = self._drawn
+        width, height = self.size
         data = np.frombuffer(self._pixels.get_ram_image(), np.uint8)
         rows, columns = self._pixels.get_y_size(), self._pixels.get_x_size()
         # Rows come from the bottom up, with an unused fourth channel.
         flipped = data.reshape(rows, columns, 4)[:height, :width][::-1]
-        picture = cv2.cvtColor(flipped, cv2.COLOR_BGRA2BGR)
-        if self._drawn != self._size:
-            picture = cv2.resize(picture, self._size, interpolation=cv2.INTER_AREA)
-        return np.asarray(picture, np.uint8)
+        return np.asarray(cv2.cvtColor(flipped, cv2.COLOR_BGRA2BGR), np.uint8)
 
-    def close(self) -> None:
-        """Give the memory back."""
-        self._engine.remove_all_windows()
-        self.root.remove_node()
+    def forget(self) -> None:
+        """Let go of everything that was drawn."""
+        self.region.set_camera(core.NodePath())
+        self._buffer.get_gsg().get_prepared_objects().release_all()
+        # Panda3D's caches hold on to states, and these to textures: 15 MB a scenery (measured).
+        core.RenderState.clear_cache()
+        core.TransformState.clear_cache()
+        core.RenderState.garbage_collect()
+        core.TransformState.garbage_collect()
+
+
+_idle: dict[tuple[int, int], list[_Canvas]] = {}
+"""Canvases to be used again: Panda3D never frees a buffer of its software renderer (5 MB each at
+640x480, measured), which would add up where every episode opens a camera of its own."""

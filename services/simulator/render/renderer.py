@@ -9,11 +9,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from services.simulator.render.clothes import weaves_of
 from services.simulator.render.effects import CameraEffects, CameraFilter
 from services.simulator.render.figure import Figure
 from services.simulator.render.offscreen import OffscreenCamera
 from services.simulator.render.stage import Stage
-from services.simulator.state import CameraMount, PersonState, Scenery, WorldView
+from services.simulator.state import CameraMount, Outfit, PersonState, Scenery, WorldView
 
 
 class Renderer:
@@ -43,7 +44,7 @@ class Renderer:
         self._stage.root.reparent_to(self._camera.root)
         for light in self._stage.lights:
             self._camera.root.set_light(light)
-        self._figures: dict[int, tuple[PersonState, Figure]] = {}
+        self._figures: dict[int, tuple[Outfit, Figure]] = {}
         focal_px = mount.width_px / (2 * math.tan(mount.horizontal_fov_rad / 2))
         size = mount.height_px, mount.width_px
         self._filter = CameraFilter(effects or CameraEffects(), size, focal_px, seed)
@@ -68,18 +69,21 @@ class Renderer:
         present = {person.id for person in people}
         for gone in self._figures.keys() - present:
             self._figures.pop(gone)[1].root.remove_node()
-        for person in people:
-            first, figure = self._figures.get(person.id, (None, None))
-            if figure is None or first is None or first.outfit != person.outfit:
+        weaves = weaves_of([person.outfit for person in people])
+        for person, weave in zip(people, weaves, strict=True):
+            worn, figure = self._figures.get(person.id, (None, None))
+            if figure is None or worn != person.outfit:
                 if figure is not None:
                     figure.root.remove_node()
-                figure = Figure(person)
+                figure = Figure(person, weave)
                 figure.root.reparent_to(self._camera.root, person.id)
-                self._figures[person.id] = person, figure
+                self._figures[person.id] = person.outfit, figure
             figure.pose(person)
 
     def close(self) -> None:
         """Give the memory back."""
+        self._figures.clear()
+        self._stage.root.remove_node()
         self._camera.close()
 
     def __enter__(self) -> Self:

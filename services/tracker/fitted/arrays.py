@@ -21,6 +21,12 @@ def box_at(foot: Foot, height: float, ratio: float) -> Box:
     return x - half, y - height, x + half, y
 
 
+def carried(foot: Foot, affine: Floats) -> Foot:
+    """A point moved by (2, 3) `affine`."""
+    x, y = affine[:, :2] @ foot + affine[:, 2]
+    return float(x), float(y)
+
+
 def overlap(a: Box, b: Box) -> tuple[float, float]:
     """Intersection over union of two boxes, and intersection over the first."""
     width = min(a[2], b[2]) - max(a[0], b[0])

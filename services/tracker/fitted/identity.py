@@ -1,9 +1,9 @@
-"""Who is who after a contact: the paper's S1 against S2 (eq. 5 and 6) for any number of people.
+"""Who is who: galleries of looks, contacts that are not decided yet, and identities taken back.
 
-People who overlap may leave with each other's track. Their galleries rest from then on; once
-all of them have been seen in the open again, their new looks are compared with the galleries
-from before, and the cheapest assignment (Kuhn-Munkres) decides. Identities change hands only
-where that is clearly cheaper.
+People who overlap may leave with each other's track. Their galleries rest from then on; once all of
+them have been seen in the open again, their new looks are compared with the galleries from before,
+the paper's S1 against S2 (eq. 5 and 6) for any number of people. Where neither looks nor motion can
+tell, nobody keeps the old id: a follower stops for a lost person, and walks after a wrong one.
 """
 
 from __future__ import annotations
@@ -12,117 +12,184 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from services.tracker.fitted.appearance import Gallery, Look
-from services.tracker.fitted.arrays import Floats, overlap
-from services.tracker.fitted.person import Person
+from services.tracker.fitted.arrays import Floats
+from services.tracker.fitted.contacts import group_of, meet, prior_nats
+from services.tracker.fitted.memory import Lost, Memory
+from services.tracker.fitted.odds import (
+    UNKNOWN_NATS,
+    Verdict,
+    among,
+    decide,
+    look_nats,
+)
+from services.tracker.fitted.person import CERTAIN, Person
 
-_CONTACT = 0.25
-"""Share of the smaller overlap of two boxes from which two people are in contact."""
 _KNOWN_LOOKS, _NEW_LOOKS, _MOST_LOOKS = 4, 3, 8
-_CLEARLY = 0.05
-"""Distance a person, by which another assignment has to be cheaper."""
-_SOFTNESS = 0.03
-_IMPOSSIBLE = 1e3
+_SURE = 0.6
+"""Identities less probable than this are given up."""
+_CLEAR = 0.9
+"""Below this probability more looks are waited for."""
+_RECALL_SURE = 0.9
+"""An old id is given to a newcomer only from this probability on."""
+_LOST_AFTER_S = 0.5
+_INSIDE_PRIOR, _BORDER_PRIOR = 0.5, 0.1
+"""That a newcomer inside the picture, or at its border, is somebody who was lost within reach."""
+
+
+class Ids:
+    """Numbers for people, never the same twice."""
+
+    def __init__(self, first: int) -> None:
+        self.next = first
+
+    def take(self) -> int:
+        """A number nobody had."""
+        self.next += 1
+        return self.next - 1
 
 
 class Identities:
-    """Galleries by identity, and the contacts that are not decided yet."""
+    """Galleries by identity, the contacts that are not decided yet, and those who are lost."""
 
-    def __init__(self) -> None:
+    def __init__(self, ids: Ids) -> None:
+        self._ids = ids
         self._galleries: dict[int, Gallery] = {}
+        self._memory = Memory()
 
-    def meet(self, people: Sequence[Person], ratio: float) -> None:
+    def meet(self, people: Sequence[Person], ratio: float, dt_s: float) -> None:
         """Note who is in contact with whom in this frame."""
-        boxes = [person.box(ratio) for person in people]
-        for first, person in enumerate(people):
-            for second in range(first):
-                other = people[second]
-                if overlap(boxes[first], boxes[second])[1] > _CONTACT:
-                    for one, rival in ((person, other), (other, person)):
-                        one.rivals.add(rival.id)
-                        one.looks.clear()
+        meet(people, ratio, dt_s)
 
     def see(self, person: Person, look: Look) -> None:
         """A look of somebody in the open: learned at once, or kept until a contact is decided."""
-        if person.rivals:
+        if person.rivals or person.is_newcomer:
             person.looks.append(look)
             del person.looks[:-_MOST_LOOKS]
         else:
-            self._galleries.setdefault(person.id, Gallery()).add(look)
+            self._gallery(person).add(look)
 
-    def decide(self, people: Sequence[Person]) -> None:
+    def decide(self, people: Sequence[Person], now_s: float) -> None:
         """Settle the contacts of those who have all been seen in the open since, or are gone."""
+        self._keep_lost(people, now_s)
+        self._settle_contacts(people, now_s)
         for person in people:
-            if person.rivals:
-                by_id = {each.id: each for each in people}  # settling changes ids
-                group = _group(person, by_id)
-                members = [by_id[key] for key in group if key in by_id]
-                if all(len(member.looks) >= _NEW_LOOKS for member in members):
-                    self._settle(members, [key for key in group if key not in by_id])
-                    taken = {member.id for member in members} - by_id.keys()
-                    for each in people:  # nobody else can be those any more
-                        each.rivals -= taken
+            if person.is_newcomer and not person.rivals and len(person.looks) >= _NEW_LOOKS:
+                self._welcome(person, people, now_s)
         wanted = {person.id for person in people}.union(*(person.rivals for person in people))
         self._galleries = {key: value for key, value in self._galleries.items() if key in wanted}
 
-    def _settle(self, group: Sequence[Person], gone: Sequence[int]) -> None:
-        """Decide who of a group is who; each may also be one of those who are gone."""
-        known = [person for person in group if self._knows(person.id)]
-        ids = [person.id for person in known] + [key for key in gone if self._knows(key)]
-        if known and len(ids) > 1:
-            costs = self._costs(ids, known)
-            for person, (owner, confidence) in zip(known, _decision(costs), strict=True):
-                person.id = ids[owner]
-                person.identity_confidence *= confidence
-                person.runner_up_confidence = 1.0 - confidence
-        for person in group:
-            gallery = self._galleries.setdefault(person.id, Gallery())
-            for look in person.looks:
-                gallery.add(look)
+    def carry(self, affine: Floats) -> None:
+        """Move where people were lost with the picture; (2, 3), working pixels."""
+        self._memory.carry(affine)
+
+    def give_up(self, person: Person, people: Sequence[Person]) -> None:
+        """The id stood for more than one person: a new one, and a new gallery with it."""
+        old, new = person.id, self._ids.take()
+        self._galleries.pop(old, None)
+        person.rename(new)
+        person.looks.clear()
+        for other in people:
+            if old in other.rivals:
+                other.rivals[new] = other.rivals.pop(old)
+
+    def _keep_lost(self, people: Sequence[Person], now_s: float) -> None:
+        """The looks of those who are missed are kept for long, for they may come back."""
+        for person in people:
+            if person.missed_frames == 0:
+                self._memory.forget({person.id})
+            elif person.missed_s > _LOST_AFTER_S and self._knows(person.id):
+                self._memory.add(Lost.of(person, self._galleries[person.id], now_s))
+
+    def _settle_contacts(self, people: Sequence[Person], now_s: float) -> None:
+        for person in people:
+            if not person.rivals:
+                continue
+            by_id = {each.id: each for each in people}  # settling changes ids
+            group = group_of(person, by_id)
+            members = [by_id[key] for key in group if key in by_id]
+            if all(len(member.looks) >= _NEW_LOOKS for member in members):
+                before = {member.id for member in members}
+                self._settle(members, [key for key in group if key not in by_id], now_s)
+                found = {member.id for member in members} - before
+                for each in people:  # nobody else can be those any more
+                    for key in found:
+                        each.rivals.pop(key, None)
+
+    def _settle(self, group: Sequence[Person], gone: Sequence[int], now_s: float) -> None:
+        """Decide who of a group is who; each may also be one of those who are gone.
+
+        While that is not sure, more looks are waited for.
+        """
+        ids = [person.id for person in group] + [key for key in gone if self._knows(key)]
+        nats = np.array([[self._nats(person, key) for key in ids] for person in group])
+        strangers = [UNKNOWN_NATS - math.log(1.01 - each.identity_confidence) for each in group]
+        verdicts = decide(nats, strangers)
+        sure = all(verdict.confidence > _CLEAR for verdict in verdicts)
+        if not sure and any(len(person.looks) < _MOST_LOOKS for person in group):
+            return
+        galleries = {key: self._galleries[key] for key in ids if self._knows(key)}
+        for person, verdict in zip(group, verdicts, strict=True):
             person.rivals.clear()
-            person.looks.clear()
+            if verdict.confidence < _SURE:
+                if person.id in galleries:
+                    self._memory.add(Lost.of(person, galleries[person.id], now_s))
+                person.rename(self._ids.take())
+            else:
+                person.id = ids[verdict.column]
+                person.identity_confidence = min(verdict.confidence, CERTAIN)
+                person.runner_up_confidence = verdict.runner_up
+        for person in group:
+            self._memory.forget({person.id})
+            if not person.is_newcomer:
+                self._learn(person)
+
+    def _nats(self, person: Person, key: int) -> float:
+        """Of the person being who has, or had, this id."""
+        if not self._knows(key):
+            return UNKNOWN_NATS + prior_nats(person, key)
+        return look_nats(self._distance(self._galleries[key], person)) + prior_nats(person, key)
+
+    def _learn(self, person: Person) -> None:
+        for look in person.looks:
+            self._gallery(person).add(look)
+        person.looks.clear()
+
+    def _welcome(self, person: Person, people: Sequence[Person], now_s: float) -> None:
+        """Somebody new may be somebody lost; after a few looks that is decided for good."""
+        lost = self._memory.within_reach(person, now_s)
+        if lost:
+            nats = [look_nats(self._distance(each.gallery, person)) for each in lost]
+            verdict = among(nats, _BORDER_PRIOR if person.born_at_border else _INSIDE_PRIOR)
+            if verdict.confidence >= _RECALL_SURE:
+                self._recall(person, lost[verdict.column], verdict, people)
+        if not lost or len(person.looks) >= _MOST_LOOKS:
+            person.is_newcomer = False
+        if not person.is_newcomer:
+            self._learn(person)
+
+    def _recall(
+        self, person: Person, lost: Lost, verdict: Verdict, people: Sequence[Person]
+    ) -> None:
+        for other in people:
+            if other.id == lost.id:
+                other.is_replaced = True
+                person.rivals |= other.rivals
+                other.rivals.clear()
+        person.id = lost.id
+        person.is_newcomer = False
+        person.identity_confidence = verdict.confidence * lost.confidence
+        person.runner_up_confidence = verdict.runner_up
+        self._galleries[lost.id] = lost.gallery
+        self._memory.forget({lost.id})
+
+    def _gallery(self, person: Person) -> Gallery:
+        return self._galleries.setdefault(person.id, Gallery())
 
     def _knows(self, key: int) -> bool:
         gallery = self._galleries.get(key)
         return gallery is not None and len(gallery) >= _KNOWN_LOOKS
 
-    def _costs(self, ids: Sequence[int], people: Sequence[Person]) -> Floats:
-        """Mean distance of each person's new looks to each gallery, (people, galleries)."""
-        return np.array(
-            [
-                [np.mean([self._galleries[key].distance(look) for look in person.looks])
-                 for key in ids]
-                for person in people
-            ]
-        )  # fmt: skip
-
-
-def _group(person: Person, by_id: dict[int, Person]) -> list[int]:
-    """Ids of everybody connected by undecided contacts, also of those who are gone."""
-    group, todo = {person.id}, [person.id]
-    while todo:
-        member = by_id.get(todo.pop())
-        fresh = member.rivals - group if member else set()
-        group |= fresh
-        todo += sorted(fresh)
-    return sorted(group)
-
-
-def _decision(costs: Floats) -> list[tuple[int, float]]:
-    """For each person the gallery, and how sure that is, 0 to 1."""
-    count = len(costs)
-    stay = np.arange(count)
-    best = linear_sum_assignment(costs)[1]
-    clearly = (costs[stay, stay].sum() - costs[stay, best].sum()) / count > _CLEARLY
-    chosen = best if clearly else stay
-    total = float(costs[stay, chosen].sum())
-    decision = []
-    for row, column in enumerate(chosen):
-        without = costs.copy()
-        without[row, column] = _IMPOSSIBLE
-        other = float(without[linear_sum_assignment(without)].sum())
-        margin = (other - total) / count
-        decision.append((int(column), 1.0 / (1.0 + math.exp(-min(margin / _SOFTNESS, 50.0)))))
-    return decision
+    def _distance(self, gallery: Gallery, person: Person) -> float:
+        return float(np.median([gallery.distance(look) for look in person.looks]))

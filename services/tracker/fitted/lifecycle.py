@@ -16,20 +16,61 @@ CONFIRM_HITS = 3
 _CONFIRM_MOVED = 0.2
 """Way from the place of birth, heights."""
 _CONFIRM_MOVING_HITS, _MOVING_SHARE, _MOVING_GAIN = 3, 0.2, 0.3
-_SAME_AFTER_S = 0.4
+_SAME_AFTER_S, _HIDDEN_AFTER_S = 0.4, 1.5
 _SAME_IOU, _SAME_CONTAINED, _NEVER_CLEAN = 0.5, 0.7, 0.7
 _LEAST_INSIDE = 0.2
+EARLY_S, _GHOST_AFTER_S, _GHOST_MOVED = 5.0, 1.0, 0.7
+"""Who was found soon after the start, never went farther, heights, and does not move at all is what
+somebody left behind who was learned as background: people who stand there came from somewhere."""
+_BORDER = 0.3
+"""Heights from the border of the image within which people come and go."""
+_BESIDE = 0.7
+"""Heights between the feet of two people who may have been taken for one."""
+_TORN, _TORN_AT_ONCE, _TORN_LEAST, _PARTED_GAIN = 0.85, 0.8, 4, 0.5
+"""Three pairs taken for one explained 0.7, 0.7 and 0.8 of the median before once parted, and 0.7 of
+the frames just before; others beside whom somebody came into view 0.85 and more of either."""
+_KNOWN_HEIGHT = 0.7
 CLUTTER_HEIGHT = 0.85
-"""People lower than this share of the lowest that is shown are not looked for."""
+"""People lower than this share of the lowest that is shown are not looked for; those who are known
+may go a little farther away, and come back."""
 
 
-def confirm_if_due(person: Person, evidence: Image, ratio: float) -> None:
-    """A person counts once seen several times and moving: ghosts and lamps never move."""
+def confirm_if_due(person: Person, evidence: Image, ratio: float, dt_s: float) -> bool:
+    """A person counts once seen several times and moving: ghosts and lamps never move.
+
+    Returns:
+        Whether the person counts since this frame.
+    """
     moves = moving_share(evidence, person.box(ratio)) > _MOVING_SHARE
     person.moving_hits += person.gain > _MOVING_GAIN and moves
-    if not person.confirmed and person.hits >= CONFIRM_HITS:
-        moved = person.moved() > _CONFIRM_MOVED
-        person.confirmed = moved or person.moving_hits >= _CONFIRM_MOVING_HITS
+    person.still_s = 0.0 if moves else person.still_s + dt_s
+    if person.confirmed or person.hits < CONFIRM_HITS:
+        return False
+    moved = person.moved() > _CONFIRM_MOVED
+    person.confirmed = moved or person.moving_hits >= _CONFIRM_MOVING_HITS
+    return person.confirmed
+
+
+def is_torn(person: Person, newcomer: Person) -> bool:
+    """Whether the newcomer, just confirmed, explains what the person's box explained before."""
+    if person is newcomer:
+        return False
+    x, y = person.foot
+    beside = abs(newcomer.foot[0] - x) < _BESIDE * person.height
+    beside = beside and abs(newcomer.foot[1] - y) < _BESIDE * person.height
+    before, since = list(person.gains)[: -CONFIRM_HITS - 1], list(person.gains)[-2:]
+    if not beside or len(before) < _TORN_LEAST or person.missed_frames > 0:
+        return False
+    least = min(_TORN * float(np.median(before)), _TORN_AT_ONCE * float(np.mean(before[-3:])))
+    return min(newcomer.gain, *since) > _PARTED_GAIN and float(np.mean(since)) < least
+
+
+def at_border(person: Person, shape: tuple[int, ...], ratio: float) -> bool:
+    """Whether somebody may just have come into the picture (rows, columns) here."""
+    left, top, right, bottom = person.box(ratio)
+    margin = _BORDER * person.height
+    across = left < margin or right > shape[1] - margin
+    return across or top < margin or bottom > shape[0] - margin
 
 
 def moving_share(evidence: Image, box: Box) -> float:
@@ -48,7 +89,9 @@ def without_duplicates(
     for person in people:
         explains = person.gain >= duplicate_gain
         person.duplicate_s = 0.0 if explains else person.duplicate_s + dt_s
-        if person.duplicate_s < _SAME_AFTER_S:
+        # Who was once seen alone is hidden, most likely, and not somebody's double.
+        was_clean = person.best_gain >= _NEVER_CLEAN
+        if person.duplicate_s < (_HIDDEN_AFTER_S if was_clean else _SAME_AFTER_S):
             continue
         older = (other for other in people if other.id not in gone and other.hits > person.hits)
         if any(_same(person, other, ratio) for other in older):
@@ -66,7 +109,10 @@ def is_alive(person: Person, canvas: Canvas, ratio: float, settings: TrackerSett
     """Not forgotten, in the image, and not too small to be told from clutter."""
     _, top, _, bottom = person.box(ratio)
     inside = 0 <= person.foot[0] < canvas.columns and top < canvas.rows and bottom > 0
-    large = person.height > CLUTTER_HEIGHT * settings.min_height * canvas.rows
+    lowest = _KNOWN_HEIGHT if person.confirmed else CLUTTER_HEIGHT
+    large = person.height > lowest * settings.min_height * canvas.rows
+    if person.born_early and person.still_s > _GHOST_AFTER_S and person.moved() < _GHOST_MOVED:
+        return False
     here = inside and person.inside > _LEAST_INSIDE and large
     return here and not is_forgotten(person, settings)
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from services.tracker.fitted.appearance import Look
-from services.tracker.fitted.arrays import Box, Floats, Foot, box_at
+from services.tracker.fitted.arrays import Box, Floats, Foot, box_at, carried
 from services.tracker.fitted.kalman import FootFilter
 from services.tracker.fitted.scale import SceneScale
 
@@ -19,6 +20,9 @@ _HEIGHT_WALK, _HEIGHT_VARIANCE = 0.1, 0.01
 _LIMIT_DEVIATIONS = 5.0
 _FRICTION_PER_S = 0.36
 """Velocity decays at this rate while nobody is seen."""
+_GAINS, _FREE_VIEW = 60, 0.8
+CERTAIN = 0.99
+"""Confidence in somebody who was never in contact with others."""
 
 
 @dataclass(eq=False)
@@ -32,9 +36,18 @@ class Person:
         in_view: share of the silhouette that no nearer person covers.
         fitted_foot: where the template was placed in this frame.
         duplicate_s: for how long others have explained all of this person's evidence.
+        still_s: for how long nothing has moved where the person is seen.
+        seen_foot: where the person was seen last.
+        born_early: when the background was hardly known.
+        born_at_border: of the image, where people come and go.
+        gains: the last ones while nobody covered the person.
+        is_newcomer: may be somebody who was lost.
+        is_replaced: somebody else turned out to be this person.
         identity_confidence: after the contacts decided so far.
-        rivals: ids of those met since the identity was last certain.
-        looks: in the open since then.
+        runner_up_confidence: the same for the best other identity.
+        rivals: ids of those met since the identity was last decided, and the probability that
+            the two were exchanged.
+        looks: in the open since then, oldest first.
     """
 
     id: int
@@ -52,11 +65,18 @@ class Person:
     inside: float = 1.0
     in_view: float = 1.0
     duplicate_s: float = 0.0
+    still_s: float = 0.0
+    born_early: bool = False
     fitted_foot: Foot = (0.0, 0.0)
     height_variance: float = _HEIGHT_VARIANCE
-    identity_confidence: float = 1.0
+    seen_foot: Foot = (0.0, 0.0)
+    born_at_border: bool = False
+    gains: deque[float] = field(default_factory=lambda: deque(maxlen=_GAINS))
+    is_newcomer: bool = True
+    is_replaced: bool = False
+    identity_confidence: float = CERTAIN
     runner_up_confidence: float = 0.0
-    rivals: set[int] = field(default_factory=set)
+    rivals: dict[int, float] = field(default_factory=dict)
     looks: list[Look] = field(default_factory=list)
 
     @property
@@ -68,7 +88,7 @@ class Person:
     def is_in_the_open(self) -> bool:
         """Seen clearly, by oneself and inside the image."""
         clear = self.gain > 0.45 and self.visibility > 0.5
-        return self.missed_frames == 0 and clear and self.in_view > 0.8 and self.inside > 0.9
+        return self.missed_frames == 0 and clear and self.in_view > _FREE_VIEW and self.inside > 0.9
 
     def predict(self, dt_s: float, scale: SceneScale) -> None:
         """Move on by `dt_s`; the height follows the scene's line where that is known."""
@@ -91,8 +111,8 @@ class Person:
         self.filter.carry(affine)
         zoom = math.hypot(affine[0, 0], affine[1, 0])
         self.height *= zoom
-        x, y = affine[:, :2] @ self.birth_foot + affine[:, 2]
-        self.birth_foot = (float(x), float(y))
+        self.birth_foot = carried(self.birth_foot, affine)
+        self.seen_foot = carried(self.seen_foot, affine)
 
     def miss(self, dt_s: float) -> None:
         """Not seen in this frame."""
@@ -105,6 +125,9 @@ class Person:
         self.best_gain = max(self.best_gain, self.gain)
         self.missed_frames, self.missed_s = 0, 0.0
         self.filter.correct(foot, deviation_px)
+        self.seen_foot = self.foot
+        if self.in_view > _FREE_VIEW:
+            self.gains.append(self.gain)
 
     def reacquire(self, foot: Foot, height: float, gain: float) -> None:
         """Seen again a little away from the prediction: keep identity and velocity, jump there."""
@@ -112,7 +135,14 @@ class Person:
         self.height = height
         self.gain = gain
         self.missed_frames, self.missed_s = 0, 0.0
+        self.seen_foot = foot
         self.hits += 1
+
+    def rename(self, key: int) -> None:
+        """Be somebody new, who may turn out to be somebody lost."""
+        self.id = key
+        self.is_newcomer = True
+        self.identity_confidence, self.runner_up_confidence = CERTAIN, 0.0
 
     def correct_height(self, height: float, deviation: float) -> None:
         """Take in a measured height; `deviation` is that of its logarithm."""

@@ -20,8 +20,6 @@ _CUT_STANDING, _CUT_MOVING = 0.05, 0.4
 """Share of far people's height that the upper edge may cut off. There a standing camera sees the
 far end of the scene (0.4 for both: MOTA of Town Centre A 59 to 42), a tilting one anything (0.05
 for both: 60 instead of 76 on a panned window of PETS09-S2L1)."""
-_UNDECIDED = 0.7
-"""Factor on the confidence of somebody whose contact with others is not decided yet."""
 _DOUBT_S = 4.0
 """Confidence falls to 1/e in this time unseen."""
 
@@ -101,9 +99,9 @@ class Reporter:
 
 
 def _confidence(person: Person) -> float:
-    """Not calibrated: 1 for somebody seen ever since and never in contact with others."""
-    undecided = _UNDECIDED if person.rivals else 1.0
-    return person.identity_confidence * undecided * math.exp(-person.missed_s / _DOUBT_S)
+    """That the id is still on the same person: contacts, decided or not, and time unseen."""
+    exchanged = math.prod(1.0 - odds for odds in person.rivals.values())
+    return person.identity_confidence * exchanged * math.exp(-person.missed_s / _DOUBT_S)
 
 
 def _state(person: Person) -> TrackState:

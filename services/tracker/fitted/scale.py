@@ -47,13 +47,16 @@ class SceneScale:
         typical: height of a person, working pixels.
     """
 
-    def __init__(self, image_height: int, smallest: float, seed: int = 0) -> None:
-        """Start without a line.
+    def __init__(
+        self, image_height: int, smallest: float, seed: int = 0, given: Line | None = None
+    ) -> None:
+        """Start without a line, or with one that stays.
 
         Args:
             image_height: rows of the working image.
             smallest: lowest person considered, working pixels.
             seed: of the sampling, so that equal input gives equal output.
+            given: a line known from elsewhere.
         """
         self.rows = image_height
         self.ratio = WIDTH_RATIO
@@ -68,6 +71,12 @@ class SceneScale:
         self._people: dict[int, deque[tuple[float, float]]] = {}
         self._frame = 0
         self._refit: Iterator[bool] | None = None
+        self._given = given is not None
+        if given is not None:
+            self._line = self._anchor = given
+            self.typical = given.height(0.6 * image_height)
+            self.known = given.slope < _STEEPEST_USED
+            self.refused = not self.known
 
     @property
     def line(self) -> Line:
@@ -76,7 +85,9 @@ class SceneScale:
 
     @property
     def settled(self) -> bool:
-        """True once the line comes from tracked people instead of blobs."""
+        """True once the line comes from tracked people, or was given, instead of from blobs."""
+        if self._given:
+            return self.known
         votes = sum(map(len, self._people.values()))
         return len(self._people) >= _SETTLED_PEOPLE and votes >= _SETTLED_VOTES
 
@@ -109,6 +120,8 @@ class SceneScale:
         A settled line is refitted a little every frame: at once it took 50 ms every 25th frame,
         which was the tracker's p99.
         """
+        if self._given:
+            return
         self._frame += 1
         if self._refit is None and self._is_due():
             self._refit = self._steps(evidence)

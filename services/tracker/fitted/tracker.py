@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from schemas import Blobs, Track
 from schemas.tracks import MAX_TRACKS
+from services.geometry.calibration_file import Calibration
 from services.tracker.fitted.appearance import look_of, painted
 from services.tracker.fitted.arrays import FloatMap, Image
+from services.tracker.fitted.calibrated import line_of
 from services.tracker.fitted.canvas import Canvas, Fit
 from services.tracker.fitted.fitting import (
     births,
@@ -19,13 +22,16 @@ from services.tracker.fitted.fitting import (
     measure_height,
     shares_in_view,
 )
-from services.tracker.fitted.identity import Identities
+from services.tracker.fitted.identity import Identities, Ids
 from services.tracker.fitted.kalman import FootFilter
 from services.tracker.fitted.lifecycle import (
     CLUTTER_HEIGHT,
+    EARLY_S,
+    at_border,
     confirm_if_due,
     is_alive,
     is_forgotten,
+    is_torn,
     missed_near,
     without_duplicates,
 )
@@ -47,6 +53,16 @@ _HEIGHT_DEVIATION = 0.12
 _LOOK_EVERY = 2
 
 
+@dataclass(frozen=True, eq=False)
+class _Unsettled:
+    """What is still to be looked at of a frame."""
+
+    blobs: Blobs
+    evidence: Image
+    weighted: FloatMap
+    dt_s: float
+
+
 class FittedTracker:
     """People of one scene.
 
@@ -55,17 +71,26 @@ class FittedTracker:
     blobs fall into people, broken ones belong to one. What is left unexplained gives birth.
     """
 
-    def __init__(self, settings: TrackerSettings, next_id: int) -> None:
+    def __init__(
+        self, settings: TrackerSettings, next_id: int, calibration: Calibration | None = None
+    ) -> None:
         """Start with nobody known; the first person gets `next_id`."""
-        self.next_id = next_id
+        self._calibration = calibration
+        self._ids = Ids(next_id)
+        self._now_s = 0.0
         self._settings = settings
         self._people: list[Person] = []
         self._scale: SceneScale | None = None
         self._canvas: Canvas | None = None
         self._shape: tuple[int, ...] = (0, 0)
         self._frame = 0
-        self._identities = Identities()
-        self._unsettled: FloatMap | None = None
+        self._identities = Identities(self._ids)
+        self._unsettled: _Unsettled | None = None
+
+    @property
+    def next_id(self) -> int:
+        """The id of the next person."""
+        return self._ids.next
 
     def update(self, blobs: Blobs, evidence: Image | None, dt_s: float) -> list[Track]:
         """Tracks of one frame, by id.
@@ -80,12 +105,16 @@ class FittedTracker:
         if evidence is not None and evidence.shape != self._shape:
             rows = evidence.shape[0]
             self._shape = evidence.shape
-            self._scale = SceneScale(rows, CLUTTER_HEIGHT * self._settings.min_height * rows)
+            given = line_of(self._calibration, self._shape) if self._calibration else None
+            smallest = CLUTTER_HEIGHT * self._settings.min_height * rows
+            self._scale = SceneScale(rows, smallest, given=given)
             self._people = []
+            self._identities = Identities(self._ids)
             self._canvas = None
         if self._scale is None:
             return []
         self._frame += 1
+        self._now_s += dt_s
         self._carry(blobs, self._scale)
         for person in self._people:
             person.predict(dt_s, self._scale)
@@ -96,10 +125,15 @@ class FittedTracker:
         return Reporter(blobs, self._shape, self._scale, self._settings).tracks(self._people)
 
     def settle(self) -> None:
-        """Refit the scene's scale with the frame before, if `update` has yet to do so."""
-        evidence, self._unsettled = self._unsettled, None
-        if evidence is not None and self._scale is not None:
-            self._scale.update(evidence)
+        """Look at people and at the scene's scale in the frame before, unless that is done.
+
+        Nothing of it changes that frame's tracks, so that they need not wait for it.
+        """
+        frame, self._unsettled = self._unsettled, None
+        if frame is not None and self._scale is not None:
+            if self._settings.identify:
+                self._identify(frame.blobs, frame.evidence, self._scale.ratio, frame.dt_s)
+            self._scale.update(frame.weighted)
 
     def _carry(self, blobs: Blobs, scale: SceneScale) -> None:
         """Move everything with the picture where the camera has moved."""
@@ -112,6 +146,7 @@ class FittedTracker:
         affine *= [[1.0, scale_y / scale_x, 1.0 / scale_x], [scale_x / scale_y, 1.0, 1.0 / scale_y]]
         for person in self._people:
             person.carry(affine)
+        self._identities.carry(affine)
         centre = np.array([0.5 * columns, 0.5 * rows])
         scale.move(float(affine[1, :2] @ centre + affine[1, 2] - centre[1]))
 
@@ -127,18 +162,16 @@ class FittedTracker:
         for person in self._people:
             person.in_view = in_view[person.id]
             self._measure(canvas, person, fits.get(person.id), dt_s, scale)
-            if person.missed_frames == 0:
-                confirm_if_due(person, evidence, scale.ratio)
+        self._confirm(evidence, scale.ratio, dt_s)
         people = without_duplicates(self._people, scale.ratio, dt_s, self._settings.duplicate_gain)
         self._people = [
             person for person in people if is_alive(person, canvas, scale.ratio, self._settings)
         ]
         samples = [] if scale.known and scale.settled else samples_of(evidence)
         self._give_birth(canvas, scale, samples)
-        self._identify(blobs, evidence, scale.ratio)
         for sample in samples:
             scale.add_blob(sample.foot[1], sample.height)
-        self._unsettled = weighted
+        self._unsettled = _Unsettled(blobs, evidence, weighted, dt_s)
 
     def _loaded(self, evidence: FloatMap, scale: SceneScale) -> Canvas:
         lowest = scale.height(evidence.shape[0] * 1.1)
@@ -174,9 +207,9 @@ class FittedTracker:
                     scale.add_person(person.id, foot_row, height)
                 person.correct_height(height, _HEIGHT_DEVIATION)
 
-    def _identify(self, blobs: Blobs, evidence: Image, ratio: float) -> None:
+    def _identify(self, blobs: Blobs, evidence: Image, ratio: float, dt_s: float) -> None:
         people = [person for person in self._people if person.confirmed]
-        self._identities.meet(people, ratio)
+        self._identities.meet(people, ratio, dt_s)
         due = [
             person
             for person in people
@@ -188,7 +221,16 @@ class FittedTracker:
                 look = look_of(picture, evidence, person.box(ratio))
                 if look is not None:
                     self._identities.see(person, look)
-            self._identities.decide(people)
+            self._identities.decide(people, self._now_s)
+            self._people = [person for person in self._people if not person.is_replaced]
+
+    def _confirm(self, evidence: Image, ratio: float, dt_s: float) -> None:
+        """Whoever loses much of their evidence to a newcomer was two people in one box so far."""
+        seen = [person for person in self._people if person.missed_frames == 0]
+        for newcomer in [each for each in seen if confirm_if_due(each, evidence, ratio, dt_s)]:
+            for person in seen:
+                if self._settings.identify and person.confirmed and is_torn(person, newcomer):
+                    self._identities.give_up(person, self._people)
 
     def _give_birth(self, canvas: Canvas, scale: SceneScale, samples: Sequence[Sample]) -> None:
         """New people, unless a person who has just been missed is within reach."""
@@ -207,5 +249,7 @@ class FittedTracker:
             elif len(self._people) < MAX_TRACKS:
                 speed_y = 0.5 / (1.0 + 2.0 * scale.line.slope)
                 foot = FootFilter(fit.foot, height, settings.acceleration, speed_y)
-                self._people.append(Person(self.next_id, foot, height, fit.foot, fit.gain))
-                self.next_id += 1
+                person = Person(self._ids.take(), foot, height, fit.foot, fit.gain)
+                person.born_early = self._now_s < EARLY_S
+                person.born_at_border = at_border(person, self._shape, scale.ratio)
+                self._people.append(person)

@@ -10,7 +10,7 @@ import numpy as np
 from schemas.errors import HeelError
 from services.tracker.given_boxes import kalman
 from services.tracker.given_boxes.association import marginals, newcomer_log_density, pair_log_odds
-from services.tracker.given_boxes.camera_motion import CameraMotion, common_shift
+from services.tracker.given_boxes.camera_motion import CameraMotion, shift_unseen
 from services.tracker.given_boxes.carry import CameraStep, carry
 from services.tracker.given_boxes.contacts import pairs_in_doubt
 from services.tracker.given_boxes.frame import FrameBoxes, checked
@@ -115,6 +115,12 @@ class BoxTracker:
         self._scale.learn(frame.raw[[j for i, j in pairs if self._tracks[i].hits > 2]])
         least = self.settings.appearance.contact
         met = pairs_in_doubt(sure, pairs, least) + [merge.tracks for merge in merges]
+        self._identity.reassure(
+            [(self._tracks[i], j) for i, j in pairs],
+            self._tracks + self._recall.lost,
+            frame,
+            self._elapsed_s,
+        )
         self._identity.learn(
             [(self._tracks[i], j) for i, j in pairs],
             [(self._tracks[i], self._tracks[k]) for i, k in met],
@@ -163,7 +169,7 @@ class BoxTracker:
         rates = exist * (1 - s.association.hiding * self._hidden)
         log_odds = pair_log_odds(mean, covariance, rates, seen, s.association, s.motion)
         if looks is not None:
-            log_odds += self._identity.log_odds(self._tracks, boxes, looks)
+            log_odds += self._look_odds(boxes, looks, t_s)
         members = [
             k
             for k, track in enumerate(self._tracks)
@@ -179,6 +185,22 @@ class BoxTracker:
         )
         pairs, merges, log_odds = choose_merges(log_odds, candidates)
         return pairs, merges, marginals(log_odds)
+
+    def _look_odds(self, boxes: FloatArray, looks: FloatArray, t_s: float) -> FloatArray:
+        """Log odds (N, M) of looks; who has just been seen and is not covered is not vetoed."""
+        s = self.settings.appearance
+        present = np.array(
+            [
+                track.confirmed
+                and t_s - track.seen_s <= s.present_s + _EPSILON_S
+                and hidden <= s.clear
+                and not self._identity.open(track)
+                for track, hidden in zip(self._tracks, self._hidden, strict=True)
+            ]
+        )
+        against = np.where(present, s.most_against_present, s.most_against)
+        odds = self._identity.log_odds(self._tracks, boxes, looks)
+        return np.asarray(np.maximum(odds, -against[:, None]))
 
     def _correct(
         self,
@@ -199,8 +221,10 @@ class BoxTracker:
         self._camera.learn((surprise / np.exp(mean[:, 2, :1]))[steady])
         variance = kalman.measurement_variance(mean[:, :, 0], self.settings.motion)
         covariance = np.stack([track.covariance for track in tracks])
+        found = {id(track) for track in tracks}
+        unseen = [track for track in self._tracks if id(track) not in found]
         if len(steady) >= _LEAST_WITNESSES and not self._camera.stands():
-            self._shift_unseen(tracks, surprise[steady], covariance[steady], variance[steady])
+            shift_unseen(unseen, surprise[steady], covariance[steady], variance[steady])
         mean, covariance = kalman.update(mean, covariance, seen[boxes], variance)
         for k, track in enumerate(tracks):
             track.mean, track.covariance = mean[k], covariance[k]
@@ -208,7 +232,7 @@ class BoxTracker:
         for k, (i, j) in enumerate(pairs):
             track = tracks[k]
             others = np.delete(sure[:, j], i)
-            sure_back = self._sure_back(track, frame, j, t_s)
+            sure_back = self._sure_back(track, frame, j, unseen, t_s)
             track.doubt(float(others.sum()), float(others.max(initial=0.0)), sure_back)
             if track.confirmed and not self._identity.open(track):
                 away_s = 0.0 if pictures else t_s - track.seen_s
@@ -219,18 +243,16 @@ class BoxTracker:
                 shared = float(iou(track.box()[None], known).max())
             track.believe(float(frame.scores[j]), shared, t_s, self.settings.life)
 
-    def _sure_back(self, track: Track, frame: FrameBoxes, box: int, t_s: float) -> float:
+    def _sure_back(
+        self, track: Track, frame: FrameBoxes, box: int, unseen: list[Track], t_s: float
+    ) -> float:
         """Factor in [0, 1] on the confidence in a track that has got a box after time unseen."""
         if frame.looks is None:
             unseen_s = max(t_s - self._elapsed_s - track.seen_s, 0.0)
             return math.exp(-unseen_s / self.settings.life.doubt_s)
         if not track.confirmed or t_s - track.seen_s <= self.settings.life.away_s:
             return 1.0
-        missing = self._recall.lost + [
-            other
-            for other in self._tracks
-            if other.confirmed and other.seen_s < t_s and other is not track
-        ]
+        missing = self._recall.lost + [other for other in unseen if other.confirmed]
         at_edge = self._recall.at_edge(track)
         return self._identity.back(track, frame.looks[box], missing, at_edge)
 
@@ -239,19 +261,6 @@ class BoxTracker:
         life = self.settings.life
         back = away_s > max(life.away_s, 1.5 * self._elapsed_s)
         return track.confidence < life.give_up or (back and rivals > life.rivals)
-
-    def _shift_unseen(
-        self, seen: list[Track], surprise: FloatArray, covariance: FloatArray, variance: FloatArray
-    ) -> None:
-        """A camera that turns shifts those without a box as it shifts the others."""
-        total = covariance[:, :2, 0, 0] + variance[:, :2]
-        shift = common_shift(surprise, total)
-        speed = (covariance[:, :2, 0, 1] / total).mean(axis=0) * shift
-        found = {id(track) for track in seen}
-        for track in self._tracks:
-            if id(track) not in found:
-                track.mean[:2, 0] += shift
-                track.mean[:2, 1] += speed
 
     def _miss(self, alone: set[int], merged: set[int]) -> None:
         rate = self.settings.association.detection_rate

@@ -8,10 +8,13 @@ side do not look like one, since the filters expect what they do.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from services.tracker.given_boxes.geometry import FloatArray
 from services.tracker.given_boxes.settings import CameraSettings, MotionSettings
+from services.tracker.given_boxes.track import Track
 
 
 class CameraMotion:
@@ -64,3 +67,21 @@ def common_shift(surprises: FloatArray, variances: FloatArray) -> FloatArray:
     return np.asarray(
         (np.clip(surprises, -most, most) / variances).sum(axis=0) / (1 / variances).sum(axis=0)
     )
+
+
+def shift_unseen(
+    unseen: Sequence[Track], surprises: FloatArray, covariance: FloatArray, variance: FloatArray
+) -> None:
+    """A camera that turns shifts those without a box as it shifts the others; in place.
+
+    Args:
+        unseen: who is to be shifted.
+        surprises: (N, 2) pixels of those with a box, N > 0.
+        covariance: (N, 4, 2, 2) predicted, and variance: (N, 4) of boxes, theirs; see `kalman`.
+    """
+    total = covariance[:, :2, 0, 0] + variance[:, :2]
+    shift = common_shift(surprises, total)
+    speed = (covariance[:, :2, 0, 1] / total).mean(axis=0) * shift
+    for track in unseen:
+        track.mean[:2, 0] += shift
+        track.mean[:2, 1] += speed

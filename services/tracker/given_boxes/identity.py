@@ -13,6 +13,7 @@ from services.tracker.given_boxes.looks import LookModel
 from services.tracker.given_boxes.settings import AppearanceSettings
 from services.tracker.given_boxes.track import Track
 
+_DOUBTED = 0.9  # identity confidence from which on a doubt is settled
 _MOST_ALIKE = 3.0  # log odds by which another's look can count for more than one's own
 
 
@@ -52,6 +53,43 @@ class Identity:
         doubt = prior * math.exp(min(float(odds[best] - odds[0]), _MOST_ALIKE))
         return 1 / (1 + doubt)
 
+    def reassure(
+        self,
+        pairs: list[tuple[Track, int]],
+        known: list[Track],
+        frame: FrameBoxes,
+        elapsed_s: float,
+    ) -> None:
+        """Let looks settle a doubt that no meeting of two people keeps open.
+
+        Looks of neighbouring frames are alike: those of a second count as one. What speaks for the
+        person is by how much the look is more theirs than anybody else's who is known, so a twin
+        settles nothing.
+
+        Args:
+            pairs: tracks and the indices of their boxes.
+            known: everybody in sight or remembered.
+            frame: boxes and looks; without looks nothing is settled.
+            elapsed_s: since the frame before.
+        """
+        if frame.looks is None:
+            return
+        alone = crowding(frame.boxes) <= self._settings.clear
+        for track, j in pairs:
+            if not (alone[j] and track.confirmed and self._is_doubted(track)):
+                continue
+            others = [one for one in known if one is not track and one.confirmed]
+            galleries = [one.gallery for one in [track, *others]]
+            odds = self.model.compare(galleries, frame.looks[j][None])[:, 0]
+            evidence = float(odds[0]) - max(0.0, float(odds[1:].max(initial=0.0)))
+            doubt = (1 - track.confidence) / max(track.confidence, 1e-9)
+            doubt *= math.exp(-self._settings.reassure * min(evidence, _MOST_ALIKE) * elapsed_s)
+            track.confidence = 1 / (1 + doubt)
+
+    def _is_doubted(self, track: Track) -> bool:
+        settles = self._settings.reassure > 0
+        return settles and track.confidence < _DOUBTED and not self._contacts.among(track)
+
     def learn(
         self,
         pairs: list[tuple[Track, int]],
@@ -79,7 +117,12 @@ class Identity:
         clear = [(track, j) for track, j in pairs if alone[j]]
         tracks, looks = [track for track, _ in clear], frame.looks[[j for _, j in clear]]
         self._contacts.decide(tracks, looks, known, t_s, elapsed_s)
-        sure = [k for k, track in enumerate(tracks) if not self._contacts.among(track)]
+        # Who may be somebody else teaches nothing: the gallery is what settles it.
+        sure = [
+            k
+            for k, track in enumerate(tracks)
+            if not (self._contacts.among(track) or self._is_doubted(track))
+        ]
         self._remember([tracks[k] for k in sure], looks[sure])
 
     def _remember(self, tracks: list[Track], looks: FloatArray) -> None:

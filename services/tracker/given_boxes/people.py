@@ -8,12 +8,18 @@ from schemas import Blobs, CameraMotion, Track
 from services.tracker.given_boxes.appearance import describe
 from services.tracker.given_boxes.box_tracker import BoxTracker
 from services.tracker.given_boxes.carry import CameraStep
-from services.tracker.given_boxes.settings import BoxTrackerSettings, LifeSettings, MemorySettings
+from services.tracker.given_boxes.settings import (
+    AppearanceSettings,
+    BoxTrackerSettings,
+    LifeSettings,
+    MemorySettings,
+)
 from services.tracker.given_boxes.track import TrackOutput
 
 PEOPLE_SETTINGS = BoxTrackerSettings(
     life=LifeSettings(shown_score=0.85, hidden_score=0.6, coast_s=0.15),
     memory=MemorySettings(trust=0.75),
+    appearance=AppearanceSettings(most_against_present=3.0, reassure=1.0),
 )
 """A robot would rather see somebody who is doubtful than lose them for a frame."""
 

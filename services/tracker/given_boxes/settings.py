@@ -148,6 +148,20 @@ class AppearanceSettings(StrictSettings):
     weight: float = Field(0.7, ge=0, le=10, description="Share of the log odds that is believed")
     most: float = Field(6.0, ge=0, le=100, description="Most log odds a look can give")
     most_against: float = Field(12.0, ge=0, le=100, description="Most log odds a look can take")
+    most_against_present: float = Field(
+        12.0,
+        ge=0,
+        le=100,
+        description="The same from somebody seen a moment ago whom nobody covers: light changes "
+        "at once, people do not",
+    )
+    reassure: float = Field(
+        0.0,
+        ge=0,
+        le=10,
+        description="How much looks settle a doubt [share of their log odds per second]; 0: not",
+    )
+    present_s: float = Field(0.25, ge=0, le=10, description="How long a moment is [s]")
     least_spread: float = Field(0.05, gt=0, le=1, description="Least spread of distances of looks")
     crowd: float = Field(
         0.5, ge=0, le=1, description="Share of its weight a look loses if wholly overlapped"

@@ -61,9 +61,11 @@ def test_a_place_is_seen_where_it_was_seen_from() -> None:
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_search_looks_there_then_to_both_sides_then_back_and_ends(side: float) -> None:
+def test_a_search_looks_there_then_to_both_sides_then_where_last_seen_and_ends(
+    side: float,
+) -> None:
     heading, looked = 0.0, []
-    search = Search(Pose(), (2.0, 2.0), side, 0.5)
+    search = Search(Pose(), (2.0, 2.0), (2.0, 1.0), side, 0.5)
     while not search.over:
         heading += min(max(search.bearing_rad(Pose(heading_rad=heading)), -0.02), 0.02)
         looked.append(heading)
@@ -73,7 +75,7 @@ def test_a_search_looks_there_then_to_both_sides_then_back_and_ends(side: float)
     assert min(looked[40:]) == pytest.approx(there - 0.5, abs=0.1)
     first, second = looked.index(max(looked)), 40 + looked[40:].index(min(looked[40:]))
     assert (first < second) == (side > 0)
-    assert looked[-1] == pytest.approx(there, abs=0.1)
+    assert looked[-1] == pytest.approx(math.atan2(1.0, 2.0), abs=0.1)
 
 
 def test_imprint_is_a_word_of_the_follow_command() -> None:

@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 pytest.importorskip("panda3d", reason="the extra sim is not installed")
 
+from services.runtime.process import memory_mb
+from services.simulator.render.clothes import weaves_of
 from services.simulator.render.effects import CameraEffects
 from services.simulator.render.renderer import Renderer
+from services.simulator.scenarios import scenario
 from services.simulator.state import CameraMount, Floor, Obstacle, RobotState, Scenery
 from tests.unit.simulator.drawn_world import MEADOW, OUTFIT, ROOM, StillWorld, person
 
@@ -83,6 +86,17 @@ def test_clothes_tell_people_apart() -> None:
     assert crops[1].argmax() == 2
 
 
+def test_twins_wear_the_same_pattern_and_patterns_differ() -> None:
+    seen = set()
+    for seed in range(40):
+        people = scenario("twin", seed).people
+        weaves = dict(zip((p.role for p in people), weaves_of([p.outfit for p in people]),
+                          strict=True))  # fmt: skip
+        assert weaves["twin"] == weaves["target"], seed
+        seen.add(weaves["target"])
+    assert len(seen) >= 4
+
+
 def test_somebody_who_leaves_is_gone() -> None:
     with Renderer(MEADOW, MOUNT, PERFECT) as renderer:
         empty = renderer.draw(StillWorld())
@@ -99,3 +113,14 @@ def test_obstacles_stand_where_the_world_has_them() -> None:
     # Its near face is 0.4 m wide and 3.8 m away.
     half = 320 * 0.2 / 3.8
     assert np.flatnonzero(blue)[[0, -1]] == pytest.approx([320 - half, 320 + half], abs=2)
+
+
+def test_a_closed_renderer_gives_its_memory_back() -> None:
+    def open_some(count: int) -> float:
+        for seed in range(count):
+            drawn(StillWorld(CROWD, ROOM), seed)
+        return memory_mb()[0]
+
+    # Textures are 15 MB a renderer, and an episode has one of its own.
+    before = open_some(3)
+    assert open_some(5) - before < 25.0

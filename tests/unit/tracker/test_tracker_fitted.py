@@ -38,7 +38,7 @@ def test_a_walker_is_confirmed_and_keeps_one_id_and_a_true_velocity() -> None:
     last = tracks[-1].tracks[0]
     assert last.velocity_pxps == pytest.approx((4 * FPS, 0), abs=6)
     assert last.state == "tracked"
-    assert last.identity_confidence == 1.0
+    assert last.identity_confidence == 0.99
     assert not any(found.occlusion for found in tracks)
 
 

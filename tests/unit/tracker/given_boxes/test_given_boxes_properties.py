@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.tracker.given_boxes.box_tracker import BoxTracker
 from services.tracker.given_boxes.camera_motion import CameraMotion, common_shift
 from services.tracker.given_boxes.geometry import boxes_to_measurements, measurements_to_boxes
-from services.tracker.given_boxes.score_scale import ScoreScale
+from services.tracker.given_boxes.score_scale import RunningMedian, ScoreScale
 from services.tracker.given_boxes.settings import CameraSettings, MotionSettings
 from services.tracker.given_boxes.track import TrackOutput
 
@@ -125,3 +125,14 @@ def test_what_surprises_all_alike_is_the_cameras_shift() -> None:
     surprises = np.array([[10.0, -4.0], [12.0, -5.0], [8.0, -3.0], [300.0, -4.0]])
     shift = common_shift(surprises, np.array([[25.0, 25.0]] * 3 + [[2500.0, 25.0]]))
     assert shift == pytest.approx([10.5, -4.0], abs=0.5)
+
+
+@given(SEEDS)
+def test_the_running_median_is_that_of_the_newest_500_values(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    values = rng.integers(0, 40, int(rng.integers(1, 1200))) / 7
+    median = RunningMedian()
+    assert median.value() is None
+    for part in np.array_split(values, 9):
+        median.add(part)
+    assert median.value() == pytest.approx(np.median(values[-500:]))

@@ -1,0 +1,69 @@
+"""People who were lost, and where they may be by now."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from services.tracker.fitted.appearance import Gallery
+from services.tracker.fitted.arrays import Floats, Foot, carried
+from services.tracker.fitted.person import Person
+
+_KEPT, _KEPT_S = 32, 120.0
+_NEAR, _SPEED = 0.6, 1.2
+"""How far somebody lost may be: heights at once, and heights a second."""
+
+
+@dataclass(eq=False)
+class Lost:
+    """Somebody lost; lengths in working pixels."""
+
+    id: int
+    gallery: Gallery
+    foot: Foot
+    height: float
+    time_s: float
+    confidence: float
+
+    @classmethod
+    def of(cls, person: Person, gallery: Gallery, now_s: float) -> Lost:
+        """Where and when the person was seen last."""
+        time_s = now_s - person.missed_s
+        return cls(
+            person.id, gallery, person.seen_foot, person.height, time_s, person.identity_confidence
+        )
+
+    def is_within_reach(self, person: Person, now_s: float) -> bool:
+        """Whether the person, born since, stands where the lost one can have gone."""
+        reach = _NEAR + _SPEED * max(now_s - self.time_s, 0.0)
+        return math.dist(self.foot, person.foot) < reach * max(self.height, person.height)
+
+
+class Memory:
+    """The last people lost, oldest first."""
+
+    def __init__(self) -> None:
+        self._lost: OrderedDict[int, Lost] = OrderedDict()
+
+    def add(self, lost: Lost) -> None:
+        """Remember somebody."""
+        self._lost[lost.id] = lost
+        while len(self._lost) > _KEPT:
+            self._lost.popitem(last=False)
+
+    def carry(self, affine: Floats) -> None:
+        """Move everybody with the picture; (2, 3), working pixels."""
+        for lost in self._lost.values():
+            lost.foot = carried(lost.foot, affine)
+
+    def forget(self, ids: Collection[int]) -> None:
+        """These are in view again."""
+        for key in ids:
+            self._lost.pop(key, None)
+
+    def within_reach(self, person: Person, now_s: float) -> list[Lost]:
+        """Who of the lost the person can be."""
+        recent = [lost for lost in self._lost.values() if now_s - lost.time_s < _KEPT_S]
+        return [lost for lost in recent if lost.is_within_reach(person, now_s)]

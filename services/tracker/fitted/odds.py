@@ -1,0 +1,90 @@
+"""How probable it is who is who, from distances of looks and from what motion says.
+
+A difference of looks speaks in nats: on the recordings somebody's mean look is 0.13 (95 %: 0.20)
+from the own gallery and 0.39 (5 %: 0.22) from somebody else's, so that 0.24 speaks for neither.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from services.tracker.fitted.arrays import Floats
+
+_NATS_PER_DISTANCE = 1.0 / 0.03
+UNKNOWN_NATS = 0.24 * _NATS_PER_DISTANCE
+"""Of a look that speaks neither for nor against: also of somebody whose looks are not known."""
+_OUTLIER = 0.03
+"""Share of looks of the right person that tell nothing: somebody else's pixels, a lamp post."""
+_IMPOSSIBLE = 1e4
+_MOST_NATS = 50.0
+
+
+def look_nats(distance: float) -> float:
+    """Negative log-likelihood of a mean distance of looks, up to a constant."""
+    told = (1.0 - _OUTLIER) * math.exp(-distance * _NATS_PER_DISTANCE)
+    return -math.log(told + _OUTLIER * math.exp(-UNKNOWN_NATS))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Who somebody is.
+
+    Attributes:
+        column: index of the identity; -1 for none of those known.
+        confidence: that this is right, 0 to 1; 0 for none.
+        runner_up: the same for the best other identity.
+    """
+
+    column: int
+    confidence: float
+    runner_up: float
+
+
+def decide(nats: Floats, stranger_nats: Sequence[float]) -> list[Verdict]:
+    """The most probable one-to-one assignment of people to identities (Kuhn-Munkres).
+
+    Args:
+        nats: (people, identities), negative log-likelihood with the prior in it.
+        stranger_nats: the same for each person being none of them.
+    """
+    people, identities = nats.shape
+    costs: Floats = np.full((people, identities + people), _IMPOSSIBLE)
+    costs[:, :identities] = nats
+    costs[np.arange(people), identities + np.arange(people)] = stranger_nats
+    columns = linear_sum_assignment(costs)[1]
+    total = float(costs[np.arange(people), columns].sum())
+    verdicts = []
+    for row, column in enumerate(columns):
+        without = costs.copy()
+        without[row, column] = _IMPOSSIBLE
+        others = linear_sum_assignment(without)[1]
+        margin = float(without[np.arange(people), others].sum()) - total
+        confidence = 1.0 / (1.0 + math.exp(-min(margin, _MOST_NATS)))
+        other_known = others[row] < identities
+        if column >= identities:
+            verdicts.append(Verdict(-1, 0.0, 0.0))
+        else:
+            rest = 1.0 - confidence if other_known else 0.0
+            verdicts.append(Verdict(int(column), confidence, rest))
+    return verdicts
+
+
+def among(nats: Sequence[float], prior: float) -> Verdict:
+    """The most probable of several identities for one person who may also be new.
+
+    Args:
+        nats: of the looks, by identity; at least one.
+        prior: that the person is one of them at all, 0 to 1, shared evenly.
+    """
+    known = np.asarray(nats) - math.log(prior / len(nats))
+    costs = np.append(known, UNKNOWN_NATS - math.log(1.0 - prior))
+    shares = np.exp(-np.minimum(costs - costs.min(), _MOST_NATS))
+    shares /= shares.sum()
+    best = int(np.argmax(shares[:-1]))
+    others = np.delete(shares[:-1], best)
+    return Verdict(best, float(shares[best]), float(others.max(initial=0.0)))

@@ -1,0 +1,86 @@
+"""When a person counts, is somebody's double, a ghost, or gone: people placed by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from schemas.blobs import FOREGROUND, MOVING
+from services.tracker.fitted.canvas import Canvas
+from services.tracker.fitted.kalman import FootFilter
+from services.tracker.fitted.lifecycle import confirm_if_due, is_alive, without_duplicates
+from services.tracker.fitted.person import Person
+from services.tracker.settings import TrackerSettings
+
+RATIO, DT_S = 0.37, 0.1
+ROWS, COLUMNS = 240, 320
+CANVAS = Canvas((ROWS, COLUMNS), 120.0, 1, RATIO)
+SETTINGS = TrackerSettings()
+
+
+def person(number: int = 1, height: float = 60.0, moved: float = 0.0) -> Person:
+    foot = FootFilter((160.0, 150.0), height, 1.2)
+    return Person(number, foot, height, (160.0 - moved * height, 150.0), 1.0, confirmed=True)
+
+
+@pytest.mark.parametrize(
+    ("early", "still_s", "moved", "alive"),
+    [
+        (True, 1.2, 0.3, False),
+        (True, 0.8, 0.3, True),
+        (True, 60.0, 1.0, True),
+        (False, 60.0, 0.0, True),
+    ],
+    ids=["left behind", "not yet sure", "came there", "later"],
+)
+def test_what_never_came_there_and_never_moves_is_a_ghost_of_the_start(
+    early: bool, still_s: float, moved: float, alive: bool
+) -> None:
+    one = person(moved=moved)
+    one.born_early, one.still_s = early, still_s
+    assert is_alive(one, CANVAS, RATIO, SETTINGS) is alive
+
+
+@pytest.mark.parametrize(
+    ("height", "confirmed", "alive"),
+    [(19.0, True, True), (19.0, False, False), (16.0, True, False), (25.0, False, True)],
+)
+def test_known_people_may_walk_farther_away_than_new_ones_are_looked_for(
+    height: float, confirmed: bool, alive: bool
+) -> None:
+    one = person(height=height)
+    one.confirmed = confirmed
+    assert is_alive(one, CANVAS, RATIO, SETTINGS) is alive
+
+
+@pytest.mark.parametrize(
+    ("best_gain", "for_s", "kept"),
+    [(0.5, 0.3, True), (0.5, 0.6, False), (1.0, 0.6, True), (1.0, 2.0, False)],
+    ids=["not for long", "double", "hidden", "hidden for long"],
+)
+def test_a_double_goes_soon_and_somebody_hidden_late(
+    best_gain: float, for_s: float, kept: bool
+) -> None:
+    older, younger = person(1), person(2)
+    older.hits, younger.best_gain, younger.gain = 50, best_gain, 0.0
+    people = [older, younger]
+    for _ in range(round(for_s / DT_S)):
+        people = without_duplicates(people, RATIO, DT_S, SETTINGS.duplicate_gain)
+    assert (younger in people) is kept
+    assert older in people
+
+
+def test_stillness_counts_while_nothing_moves_and_starts_over_when_it_does() -> None:
+    one, still = person(), np.full((ROWS, COLUMNS), FOREGROUND, np.uint8)
+    for _ in range(5):
+        confirm_if_due(one, still, RATIO, DT_S)
+    assert one.still_s == pytest.approx(0.5)
+    confirm_if_due(one, np.full((ROWS, COLUMNS), MOVING, np.uint8), RATIO, DT_S)
+    assert one.still_s == 0.0
+
+
+def test_a_person_is_confirmed_once() -> None:
+    one, moving = person(), np.full((ROWS, COLUMNS), MOVING, np.uint8)
+    one.confirmed, one.hits = False, 3
+    confirmed = [confirm_if_due(one, moving, RATIO, DT_S) for _ in range(6)]
+    assert confirmed == [False, False, True, False, False, False]
