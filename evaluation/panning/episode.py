@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from evaluation.panning.perception import Perception
 from evaluation.panning.truth import InWindow, People, in_window, overlap
-from schemas import CameraInfo, FrameId, Odometry, TargetRequest, Tracks
+from schemas import CameraInfo, FrameId, TargetRequest, Tracks
 from services.capture.pan_window import PanSettings, PanWindow
 from services.capture.steering import Steering
 from services.drive.core import Drive
@@ -118,11 +117,7 @@ class Episode:
     def _control(self, now_s: float) -> None:
         told = self._drive.step(now_s)
         self._steering.hear_drive(told.angular_radps, now_s)
-        yaw = math.remainder(self._window.yaw_rad, 2.0 * math.pi)
-        self._follower.observe_odometry(
-            Odometry(seq=self._ticks, x_m=0.0, y_m=0.0, heading_rad=yaw,
-                     linear_mps=0.0, angular_radps=told.angular_radps), now_s,
-        )  # fmt: skip
+        self._follower.observe_odometry(self._steering.odometry(self._ticks), now_s)
         while self._coming and now_s >= self._coming[0][0] + TRACKS_AGE_S:
             self._observe(*self._coming.popleft())
         age_s = None if self._tracks_s is None else now_s - self._tracks_s

@@ -21,11 +21,12 @@ from services.runtime.service import ServiceContext
 
 LISTEN_S = 0.01
 """Between two looks at the topics: the drive speaks every 0.02 s."""
+_ODOMETRY_S = 0.02
 _TOPICS = ("drive", "state", "tracks")
 
 
 class PanTopics:
-    """Hears drive, target and tracks in the capture process.
+    """Hears drive, target and tracks in the capture process, and tells how the window turned.
 
     Args:
         context: of the capture service.
@@ -43,6 +44,8 @@ class PanTopics:
             )
         self._context = context
         self._steering = Steering(window)
+        self._odometry = context.publisher(keys.ROBOT_ODOMETRY, qos.ODOMETRY)
+        self._seq, self._due_s = 0, 0.0
         context.inbox.subscribe("drive", keys.ROBOT_DRIVE, qos.DRIVE)
         context.inbox.subscribe("state", keys.FOLLOW_STATE, qos.STATE)
         context.inbox.subscribe("tracks", keys.tracks(context.settings.camera), qos.TRACKS)
@@ -53,6 +56,9 @@ class PanTopics:
             if arrival.encoding != EndOfStream.encoding():
                 self._hear(arrival)
         self._steering.advance(now_s)
+        if now_s >= self._due_s:
+            self._odometry.send(self._steering.odometry(self._seq), 0.0)
+            self._seq, self._due_s = self._seq + 1, now_s + _ODOMETRY_S
 
     def _hear(self, arrival: Arrival) -> None:
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from schemas import Tracks
+from schemas import Odometry, Tracks
 from services.capture.pan_window import PanWindow
 
 STALE_S = 0.2
@@ -26,6 +26,7 @@ class Steering:
         self._angular_radps = 0.0
         self._heard_s = -math.inf
         self._now_s: float | None = None
+        self._told_yaw_rad, self._told_s = window.yaw_rad, -math.inf
         self._target: int | None = None
         self._row_px: float | None = None
 
@@ -48,6 +49,17 @@ class Steering:
             if track.id == self._target and track.shown and track.state == "tracked":
                 row = (track.box_xyxy[1] + track.box_xyxy[3]) / 2.0
                 self._row_px = offset[1] + row * self._window.height / tracks.height
+
+    def odometry(self, seq: int) -> Odometry:
+        """How the window has really turned since this was last asked: not beyond a border."""
+        now_s = self._told_s if self._now_s is None else self._now_s
+        yaw_rad, passed_s = self._window.yaw_rad, now_s - self._told_s
+        rate = (yaw_rad - self._told_yaw_rad) / passed_s if passed_s > 0.0 else 0.0
+        self._told_yaw_rad, self._told_s = yaw_rad, now_s
+        return Odometry(
+            seq=seq, x_m=0.0, y_m=0.0, heading_rad=math.remainder(yaw_rad, 2.0 * math.pi),
+            linear_mps=0.0, angular_radps=rate,
+        )  # fmt: skip
 
     def advance(self, now_s: float) -> None:
         """Turn the window on to `now_s`; time that runs backwards is ignored."""

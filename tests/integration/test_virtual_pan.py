@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import queue
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from schemas import CameraInfo, DriveState, Header, decode, encode, keys
+from schemas import CameraInfo, DriveState, Header, Odometry, decode, encode, keys
 from schemas.image import decode_image
 from tests.support import network
 from tests.support.processes import finished, running
@@ -48,6 +49,7 @@ def test_the_window_turns_with_the_wheels_and_stands_when_the_drive_falls_silent
         network.client(endpoint) as session,
         network.collected(session, keys.image("front")) as images,
         network.collected(session, keys.info("front")) as infos,
+        network.collected(session, keys.ROBOT_ODOMETRY) as odometry,
     ):
         drive = session.declare_publisher(keys.ROBOT_DRIVE)
         with running("-m", "services.capture", source, "--connect", endpoint,
@@ -70,6 +72,11 @@ def test_the_window_turns_with_the_wheels_and_stands_when_the_drive_falls_silent
     # Left is positive: the window moves to smaller columns, and by no more than was told.
     assert lefts[turned.index] < 160.0 - 20.0
     assert lefts[standing.index] == lefts[before.index]
+    headings = [
+        decode(Odometry, sample.payload.to_bytes()).heading_rad for sample in odometry.queue
+    ]
+    assert headings[0] == 0.0
+    assert 160.0 - 277.1 * math.tan(headings[-1]) == pytest.approx(lefts[standing.index], abs=0.1)
 
 
 def test_garbage_on_the_drive_s_topic_turns_nothing_and_is_counted(

@@ -191,3 +191,21 @@ def test_a_row_counts_from_where_the_window_lay_in_the_frame_it_was_seen_in() ->
         steering.advance(30.0)
     # The row is 334 in the recording, whenever that is heard; 0.03 rad are left alone.
     assert pan.offset_px[1] + 144.0 == pytest.approx(334.0 - 0.03 * pan.focal_px, abs=2.0)
+
+
+def test_odometry_tells_the_turn_that_was_made_and_none_beyond_the_border() -> None:
+    pan = window()
+    steering = Steering(pan)
+    steering.hear_drive(0.5, 0.0)
+    assert steering.odometry(0).angular_radps == 0.0
+    steering.advance(0.1)
+    told = steering.odometry(1)
+    assert told.angular_radps == pytest.approx(0.5)
+    assert told.heading_rad == pytest.approx(0.05)
+    assert steering.odometry(2).angular_radps == 0.0
+    for tick in range(2, 40):
+        steering.hear_drive(0.5, 0.1 * tick)
+    assert pan.offset_px[0] == 0.0
+    steering.odometry(3)
+    steering.hear_drive(0.5, 4.0)
+    assert steering.odometry(4).angular_radps == 0.0
