@@ -54,7 +54,7 @@ class DetectorSettings(BaseModel):
         "people are small",
     )
     carry_s: Annotated[float, Field(ge=0, le=5)] = Field(
-        default=0.5,
+        default=0.2,
         description="onnx: longest time for which somebody the network misses is carried on by "
         "their pixels, s",
     )

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from schemas.base import BoxXyxy
 from services.detector.camera_motion import Affine, moved_box
 from services.detector.neural.overlap import iou
-from services.detector.neural.patch_flow import followed
+from services.detector.neural.patch_flow import followed, grey_look, likeness
 
 _SAME_IOU = 0.3
 """From this overlap on two boxes are of the same person."""
+_LEAST_LIKENESS = 0.6
+"""Correlation with the pixels the network last saw, below which it is somebody or something else
+by now: what passes in front takes the flow along."""
 _LEAST_INSIDE = 0.8
 """A box that has left the picture farther than this share is gone."""
 
@@ -42,6 +45,7 @@ class Between:
         self._longest_s = longest_s
         self._before: NDArray[np.uint8] | None = None
         self._people: list[Seen] = []
+        self._looks: list[NDArray[np.uint8]] = []
         self._t_ns = 0
 
     @property
@@ -69,8 +73,9 @@ class Between:
         """
         elapsed_s = max(0.0, (t_ns - self._t_ns) * 1e-9)
         carried: list[Seen] = []
+        looks: list[NDArray[np.uint8]] = []
         if self._before is not None and self._before.shape == grey.shape:
-            for person in self._people:
+            for person, look in zip(self._people, self._looks, strict=True):
                 gone_s = person.carried_s + elapsed_s
                 taken = [one.box_xyxy for one in (*seen, *carried)]
                 if gone_s >= self._longest_s or _among(moved_box(person.box_xyxy, camera), taken):
@@ -78,13 +83,16 @@ class Between:
                 box = followed(self._before, grey, person.box_xyxy, camera)
                 if box is None or _among(box, taken) or not _inside(box, grey):
                     continue
-                if not _among(box, confirmed):
+                alike = likeness(look, grey_look(grey, box))
+                if not _among(box, confirmed) or alike < _LEAST_LIKENESS:
                     continue
+                looks.append(look)
                 left_s = self._longest_s - person.carried_s
                 score = person.score * (self._longest_s - gone_s) / left_s
                 carried.append(Seen(box, score, gone_s))
         self._before, self._t_ns = grey, t_ns
         self._people = [*seen, *carried]
+        self._looks = [*(grey_look(grey, person.box_xyxy) for person in seen), *looks]
         return carried
 
 

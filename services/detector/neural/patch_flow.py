@@ -25,8 +25,7 @@ _FAILED = 0.06
 """Median forward-backward error and median residual of a flow that has failed, box heights."""
 _LEAST_ERROR_PX = 1.0
 _LARGEST_ZOOM = 1.15
-_LEAST_LIKENESS = 0.6
-"""Correlation of the pixels before and after below which it is somebody or something else."""
+_LOOK_SIZE = (16, 32)
 
 
 def followed(
@@ -65,8 +64,7 @@ def followed(
         return None
     x, y = (left + right) / 2 + float(shift[0]), (top + bottom) / 2 + float(shift[1])
     across, down = zoom * (right - left) / 2, zoom * height / 2
-    new = (x - across, y - down, x + across, y + down)
-    return new if _likeness(before, box, now, new) >= _LEAST_LIKENESS else None
+    return (x - across, y - down, x + across, y + down)
 
 
 def _grid(box: BoxXyxy) -> Floats:
@@ -109,18 +107,14 @@ def _zoom(start: Floats, end: Floats) -> float:
     return float(np.median(after[far] / before[far])) if far.any() else 1.0
 
 
-def _likeness(
-    before: NDArray[np.uint8], old: BoxXyxy, now: NDArray[np.uint8], new: BoxXyxy
-) -> float:
-    """Normalised correlation in [-1, 1] of the pixels in two boxes."""
-    first, second = _pixels(before, old), _pixels(now, new)
+def likeness(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
+    """Normalised correlation in [-1, 1] of two results of `grey_look`."""
     return float(cv2.matchTemplate(first, second, cv2.TM_CCOEFF_NORMED)[0, 0])
 
 
-def _pixels(image: NDArray[np.uint8], box: BoxXyxy) -> NDArray[np.uint8]:
-    """Pixels under a box at one size, those outside of the picture repeated from its edge."""
-    size = (max(2.0, box[2] - box[0]), max(2.0, box[3] - box[1]))
+def grey_look(image: NDArray[np.uint8], box: BoxXyxy) -> NDArray[np.uint8]:
+    """Pixels of (H, W) uint8 under a box, at one size for all; outside, the edge is repeated."""
+    size = (max(2, round(box[2] - box[0])), max(2, round(box[3] - box[1])))
     centre = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
-    whole = (max(2, round(size[0])), max(2, round(size[1])))
-    patch = cv2.getRectSubPix(image, whole, centre)
-    return np.asarray(cv2.resize(patch, (16, 32), interpolation=cv2.INTER_AREA), np.uint8)
+    patch = cv2.getRectSubPix(image, size, centre)
+    return np.asarray(cv2.resize(patch, _LOOK_SIZE, interpolation=cv2.INTER_AREA), np.uint8)

@@ -1,0 +1,125 @@
+"""Cameras that move, and a network that sees people: the tables of docs/moving-camera.md.
+
+Every frame from the first, online, one setting for all recordings. One person: an identity is
+chosen in the first frame in which a shown box is on the target, and held, as
+`evaluation/single_target.py` says.
+Several: IoU 0.5 against MOT15 ground truth, rows of flag 0 left out or ignored.
+
+Example run: python -m benchmarks.moving_camera --model yolox_nano.onnx
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchmarks.accuracy import replace_between
+from benchmarks.common import Figure, data_folder, heel_run, write_json
+from evaluation.motchallenge import read_ground_truth, read_tracks
+from evaluation.report import evaluate
+from evaluation.single_target import SingleTargetScores, single_target_scores
+from services.runtime.command_line import run_app
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+ONE_PERSON = ("Couple", "Crossing", "Human3-first199", "UAV-person11")
+SEVERAL = ("Jogging", "PETS09-S2L1")
+_HEAD_ONE = ("sequence", "detector", "frames", "on target%", "elsewhere%", "success AUC",
+             "precision 20 px", "ms/frame")  # fmt: skip
+_HEAD_SEVERAL = ("sequence", "detector", "flag 0", "MOTA", "IDF1", "IDsw", "FP", "FN", "keep%",
+                 "wrong%", "ms/frame")  # fmt: skip
+Ways = Sequence[tuple[str, tuple[str, ...]]]
+"""What a table calls a detector, and its flags."""
+
+
+def single_rows(ways: Ways) -> tuple[list[str], list[Figure]]:
+    """Table rows of the recordings of one person, their means, and the same as figures."""
+    rows, figures = [], []
+    for name, flags in ways:
+        scores = []
+        for sequence in ONE_PERSON:
+            with tempfile.TemporaryDirectory() as out:
+                milliseconds = _played(sequence, Path(out), flags)
+                truth = read_ground_truth(data_folder() / sequence / "gt" / "gt.txt")
+                one = single_target_scores(truth, read_tracks(Path(out) / "tracks.txt"))
+            scores.append(one)
+            rows.append(_row(sequence, name, str(one.frames), *_shares(one), f"{milliseconds:.1f}"))
+            typer.echo(rows[-1], err=True)
+        means = [sum(values) / len(scores) for values in zip(*map(_numbers, scores), strict=True)]
+        rows.append(_row("mean", name, "", *(f"{value:.1f}" for value in means), ""))
+        figures += [
+            Figure(f"moving-camera/mean/{name}/{what}", value, "%", "", None, 1)
+            for what, value in zip(("on-target", "elsewhere"), means, strict=False)
+        ]
+    return rows, figures
+
+
+def several_rows(ways: Ways) -> tuple[list[str], list[Figure]]:
+    """Table rows of the recordings of several people, and their MOTA and IDF1 as figures."""
+    rows, figures = [], []
+    for sequence in SEVERAL:
+        for name, flags in ways:
+            with tempfile.TemporaryDirectory() as out:
+                milliseconds = _played(sequence, Path(out), flags)
+                mot15 = evaluate(data_folder() / sequence, Path(out))
+                ignoring = evaluate(data_folder() / sequence, Path(out), flags="ignore")
+            for rule, scores in (("left out", mot15), ("ignored", ignoring)):
+                if rule == "ignored" and ignoring == mot15:
+                    continue
+                values = (scores.mota, scores.idf1, scores.idsw, scores.fp, scores.fn, scores.keep,
+                          scores.wrong)  # fmt: skip
+                cells = (f"{v:.1f}" if isinstance(v, float) else str(v) for v in values)
+                rows.append(_row(sequence, name, rule, *cells, f"{milliseconds:.1f}"))
+                typer.echo(rows[-1], err=True)
+            figures += [
+                Figure(f"moving-camera/{sequence}/{name}/{what}", value, "%", "", None, 1)
+                for what, value in (("mota", mot15.mota), ("idf1", mot15.idf1))
+            ]
+    return rows, figures
+
+
+def table(head: Sequence[str], rows: Sequence[str]) -> str:
+    """A Markdown table."""
+    return "\n".join([_row(*head), "|" + "---|" * len(head), *rows]) + "\n"
+
+
+def _played(sequence: str, out: Path, flags: Sequence[str]) -> float:
+    """Run a recording through the cores; milliseconds a frame of the whole chain."""
+    summary = heel_run(str(data_folder() / sequence), out, "--in-process", *flags)
+    return 1e3 * float(summary["wall_s"]) / max(1, int(summary["frames"]["tracked"]))
+
+
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _numbers(one: SingleTargetScores) -> tuple[float, float, float, float]:
+    return one.on_target, one.elsewhere, one.success_auc, one.precision
+
+
+def _shares(one: SingleTargetScores) -> list[str]:
+    return [f"{value:.1f}" for value in _numbers(one)]
+
+
+@app.command()
+def main(
+    model: Annotated[Path | None, typer.Option(help="ONNX network that finds people")] = None,
+    write: Annotated[Path | None, typer.Option(help="file whose tables are replaced")] = None,
+    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+) -> None:
+    """Score the detectors on moving cameras, with a network where one is given."""
+    seeing: Ways = [("auto, model", ("--model", str(model)))] if model is not None else []
+    one, figures = single_rows([*seeing, ("auto", ())])
+    several, more = several_rows([*seeing, ("ego", ("--detector", "ego"))])
+    text = table(_HEAD_ONE, one) + "\n" + table(_HEAD_SEVERAL, several)
+    typer.echo(text)
+    if write is not None:
+        write.write_text(replace_between(write.read_text("utf-8"), text), encoding="utf-8")
+    write_json([*figures, *more], json)
+
+
+if __name__ == "__main__":
+    run_app(app)

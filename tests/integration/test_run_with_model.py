@@ -1,0 +1,52 @@
+"""`heel run` and `heel demo` with a network: the same bytes in any process, and clear refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.processes import finished
+from tests.unit.detector.drawn_networks import red_finder
+
+pytest.importorskip("onnx")
+SCENE = "scene:crossing?frames=40&width=320&height=240"
+DEADLINE_S = 60.0
+
+
+def heel(*arguments: str) -> tuple[int, str, str]:
+    return finished("-m", "services", *arguments, deadline_s=DEADLINE_S)
+
+
+def test_a_lossless_run_with_a_network_equals_the_cores_in_one_process(tmp_path: Path) -> None:
+    model = str(red_finder(tmp_path / "net.onnx"))
+    config = tmp_path / "heel.toml"
+    config.write_text("[detector]\nmodel_score = 0.02\nmodel_budget_ms = 0.001\n")
+    for how in ("--lossless", "--in-process"):
+        code, _, err = heel(
+            "run", SCENE, "--out", str(tmp_path / how), how, "--detector", "onnx",
+            "--model", model, "--config", str(config),
+        )  # fmt: skip
+        assert code == 0, err
+    for name in ("tracks.txt", "commands.csv"):
+        here, there = (
+            (tmp_path / how / name).read_bytes() for how in ("--lossless", "--in-process")
+        )
+        assert here == there
+    assert (tmp_path / "--lossless" / "tracks.txt").read_bytes(), "somebody in red is there"
+
+
+@pytest.mark.parametrize("how", ["--lossless", "--in-process"])
+def test_a_model_that_is_not_there_ends_the_run_with_its_name(how: str, tmp_path: Path) -> None:
+    missing = str(tmp_path / "none.onnx")
+    code, _, err = heel("run", SCENE, "--out", str(tmp_path), how, "--model", missing)
+    assert code in (1, 2)
+    assert f"model {missing}: no such file" in err
+    assert "Traceback" not in err
+
+
+def test_the_demo_says_that_boxes_of_the_simulator_need_no_detector(tmp_path: Path) -> None:
+    code, _, err = heel("demo", "--out", str(tmp_path), "--detector", "ego", "--perception",
+                        "simulated-boxes")  # fmt: skip
+    assert code != 0
+    assert "add --perception pixels, or --scene" in err
