@@ -124,14 +124,15 @@ def iou_matrix(a_xyxy: NDArray[np.float64], b_xyxy: NDArray[np.float64]) -> NDAr
     """Intersection over union of every box in ``(A, 4)`` with every box in ``(B, 4)``.
 
     Returns:
-        ``(A, B)`` float64 from 0 to 1.
+        ``(A, B)`` float64 from 0 to 1; 0 for a pair of boxes without area, as clipping leaves them.
     """
     low = np.maximum(a_xyxy[:, None, :2], b_xyxy[None, :, :2])
     high = np.minimum(a_xyxy[:, None, 2:], b_xyxy[None, :, 2:])
     intersection: NDArray[np.float64] = np.prod(np.maximum(high - low, 0.0), axis=2)
     area_a, area_b = (np.prod(box[:, 2:] - box[:, :2], axis=1) for box in (a_xyxy, b_xyxy))
     union = area_a[:, None] + area_b[None, :] - intersection
-    iou: NDArray[np.float64] = intersection / union  # BoxRows have an area, so unions do
+    iou: NDArray[np.float64] = np.zeros_like(union)
+    np.divide(intersection, union, out=iou, where=union > 0.0)
     return iou
 
 

@@ -117,3 +117,8 @@ def test_best_pairs(
     wished = None if preferred is None else np.array(preferred)
     rows, columns = best_pairs(np.array(iou), 0.5, wished)
     assert list(zip(rows.tolist(), columns.tolist(), strict=True)) == pairs
+
+
+def test_boxes_that_clipping_has_left_without_area_overlap_nothing() -> None:
+    gone, whole = [0.0, 480.0, 640.0, 480.0], [10.0, 10.0, 20.0, 40.0]
+    assert iou_matrix(np.array([gone, whole]), np.array([gone, whole])).tolist() == [[0, 0], [0, 1]]
