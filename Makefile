@@ -57,7 +57,7 @@ results: $(READY)  ## score everything on all recordings and write docs/results.
 	$(BIN)/python -m benchmarks.reliability --write docs/identity.md
 	$(BIN)/python -m benchmarks.features --write docs/identity.md
 	$(BIN)/python -m benchmarks.speed --write docs/results.md
-	$(BIN)/python -m benchmarks.pictures docs
+	$(BIN)/python -m benchmarks.frames docs/frames.jpg
 
 $(PEERS)/ready: pyproject.toml constraints.txt
 	$(CHECK_PYTHON)
