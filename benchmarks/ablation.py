@@ -13,8 +13,8 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.accuracy import measure, replace_between
-from benchmarks.common import Figure, data_folder, name_of, recordings, write_json
+from benchmarks.accuracy import measure
+from benchmarks.common import Figure, data_folder, name_of, publish, recordings, write_json
 from services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -64,10 +64,7 @@ def main(
                 Figure(f"ablation/{scores.sequence}/{name}/mota", scores.mota, "%", "", None, 1)
             )
     text = "\n".join(lines) + "\n"
-    typer.echo(text)
-    if write is not None:
-        text = replace_between(write.read_text("utf-8"), text, "ablation")
-        write.write_text(text, encoding="utf-8")
+    publish(text, write, "ablation")
     write_json(figures, json)
 
 

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.common import Figure, heel_run, name_of, recordings, write_json
+from benchmarks.common import Figure, heel_run, name_of, publish, recordings, write_json
 from evaluation.report import SequenceScores, evaluate
 from services.pipeline import scene_truth
 from services.runtime.command_line import run_app
@@ -68,14 +68,6 @@ def table(measured: list[tuple[str, SequenceScores, float]]) -> str:
     return "\n".join(lines + [row(*entry) for entry in measured]) + "\n"
 
 
-def replace_between(text: str, new: str, name: str = "scores") -> str:
-    """`text` with what stands between the two marks of that name replaced."""
-    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-    head, _, rest = text.partition(begin)
-    _, _, tail = rest.partition(end)
-    return f"{head}{begin}\n{new}{end}{tail}"
-
-
 @app.command()
 def main(
     write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
@@ -96,9 +88,7 @@ def main(
                 for column in ("mota", "motp", "idf1", "keep", "wrong")
             ]
     text = table(measured)
-    typer.echo(text)
-    if write is not None:
-        write.write_text(replace_between(write.read_text("utf-8"), text), encoding="utf-8")
+    publish(text, write)
     write_json(figures, json)
 
 

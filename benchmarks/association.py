@@ -18,11 +18,10 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from benchmarks.accuracy import replace_between
 from benchmarks.association_calibration import Claim, claims_of, reliability_table
 from benchmarks.association_left_out import left_out_table
 from benchmarks.association_peers import Tracker, frame_count, peers, peers_note
-from benchmarks.common import data_folder, interleaved, median
+from benchmarks.common import data_folder, interleaved, median, publish
 from evaluation.alignment import align
 from evaluation.motchallenge import read_ground_truth
 from evaluation.report import SequenceScores, score_sequence
@@ -140,9 +139,7 @@ def main(
         measured += found
     parts = (table(measured), peers_note(), reliability_table(claims), left_out_table(sequences()))
     text = "\n".join(parts)
-    typer.echo(text)
-    if write is not None:
-        write.write_text(replace_between(write.read_text("utf-8"), text), encoding="utf-8")
+    publish(text, write)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import typer
+
 from schemas.errors import HeelError
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -94,3 +96,21 @@ def write_json(figures: Sequence[Figure], file: Path | None) -> None:
     if file is not None:
         text = json.dumps([asdict(figure) for figure in figures], indent=2)
         file.write_text(text + "\n", encoding="utf-8")
+
+
+def publish(text: str, document: Path | None, name: str = "scores") -> None:
+    """Print a table, and put it between the two marks of that name in a document, if one is given.
+
+    Raises:
+        HeelError: the document cannot be read or written.
+    """
+    typer.echo(text)
+    if document is None:
+        return
+    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    try:
+        head, _, rest = document.read_text("utf-8").partition(begin)
+        _, _, tail = rest.partition(end)
+        document.write_text(f"{head}{begin}\n{text}{end}{tail}", encoding="utf-8")
+    except OSError as error:
+        raise HeelError(f"{document}: {error.strerror}: give a document that exists") from None

@@ -23,8 +23,7 @@ import typer
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from benchmarks.accuracy import replace_between
-from benchmarks.common import recordings
+from benchmarks.common import publish, recordings
 from benchmarks.people_features import FEATURES, Vectors, vectors_of
 from evaluation.alignment import iou_matrix
 from evaluation.motchallenge import ground_truth_file, read_ground_truth
@@ -199,11 +198,7 @@ def main(
                     total[name][0] += right
                     total[name][1] += asked
     text = table(scores)
-    typer.echo(text)
-    if write is not None:
-        write.write_text(
-            replace_between(write.read_text("utf-8"), text, "features"), encoding="utf-8"
-        )
+    publish(text, write, "features")
 
 
 if __name__ == "__main__":

@@ -17,8 +17,7 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.accuracy import replace_between
-from benchmarks.common import Figure, data_folder, heel_run, write_json
+from benchmarks.common import Figure, data_folder, heel_run, publish, write_json
 from evaluation.motchallenge import read_ground_truth, read_tracks
 from evaluation.report import evaluate
 from evaluation.single_target import SingleTargetScores, single_target_scores
@@ -115,9 +114,7 @@ def main(
     one, figures = single_rows([*seeing, ("auto", ())])
     several, more = several_rows([*seeing, ("ego", ("--detector", "ego"))])
     text = table(_HEAD_ONE, one) + "\n" + table(_HEAD_SEVERAL, several)
-    typer.echo(text)
-    if write is not None:
-        write.write_text(replace_between(write.read_text("utf-8"), text), encoding="utf-8")
+    publish(text, write)
     write_json([*figures, *more], json)
 
 

@@ -15,9 +15,8 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.accuracy import replace_between
 from benchmarks.association_calibration import Claim, claims_of, reliability_table
-from benchmarks.common import Figure, heel_run, name_of, recordings, write_json
+from benchmarks.common import Figure, heel_run, name_of, publish, recordings, write_json
 from evaluation.motchallenge import ground_truth_file, read_ground_truth, read_tracks
 from services.runtime.command_line import run_app
 
@@ -63,10 +62,7 @@ def main(
     """Print how often ids were right, by the confidence they were given."""
     claims = {name_of(source): claims_on(source) for source in recordings(recording)}
     text = reliability_table(claims) + "\n" + left_out_table(claims)
-    typer.echo(text)
-    if write is not None:
-        text = replace_between(write.read_text("utf-8"), text, "reliability")
-        write.write_text(text, encoding="utf-8")
+    publish(text, write, "reliability")
     figures = [
         Figure(f"reliability/{name}", right_percent(some), "%", "90", right_percent(some) / 90.0, 1)
         for name, some in claims.items()

@@ -16,8 +16,7 @@ import cv2
 import numpy as np
 import typer
 
-from benchmarks.accuracy import replace_between
-from benchmarks.common import Figure, name_of, recordings, write_json
+from benchmarks.common import Figure, name_of, publish, recordings, write_json
 from services.detector.settings import DetectorSettings
 from services.pipeline import InProcessPipeline, RecordedFrames
 from services.runtime import process
@@ -73,10 +72,7 @@ def main(
             )
         lines.append("| " + " | ".join(cells) + " |")
     text = "\n".join(lines) + "\n"
-    typer.echo(text)
-    if write is not None:
-        text = replace_between(write.read_text("utf-8"), text, "speed")
-        write.write_text(text, encoding="utf-8")
+    publish(text, write, "speed")
     write_json(figures, json)
 
 
