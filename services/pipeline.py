@@ -129,9 +129,10 @@ def load_pipeline(
     Raises:
         SettingsError: as `load_settings`.
     """
-    chosen = {"preset": preset, "detector": detector_name, "model": model}
+    flags: dict[str, object] = {"detector": detector_name, "model": model}
+    given = {name: value for name, value in flags.items() if value is not None}
     detector: Loaded[DetectorServiceSettings] = load_settings(
-        "detector", DetectorServiceSettings, {"detector": chosen}, file
+        "detector", DetectorServiceSettings, {"detector": {"preset": preset, **given}}, file
     )
     tracker: Loaded[TrackerServiceSettings] = load_settings(
         "tracker", TrackerServiceSettings, {"tracker": {"preset": preset}}, file
