@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -17,6 +18,7 @@ from services.runtime.process import PARENT_VARIABLE, die_with_parent
 
 _SILENCE_S = 600.0
 _KILL_S = 5.0
+_POLL_S = 0.01
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -91,10 +93,18 @@ def run_all(
         ) from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-        # Nothing to lose: either all are idle, or one hangs or has failed.
-        for process in multiprocessing.active_children():
-            process.kill()
-            process.join(_KILL_S)
+        _end_workers()
+
+
+def _end_workers() -> None:
+    """Nothing to lose: either all are idle, or one hangs or has failed."""
+    for process in multiprocessing.active_children():
+        process.kill()
+    # The pool's thread reaps them at the same time: a join here that comes second returns before
+    # that thread has struck the process off the list.
+    deadline_s = time.monotonic() + _KILL_S
+    while multiprocessing.active_children() and time.monotonic() < deadline_s:
+        time.sleep(_POLL_S)
 
 
 def _start_worker() -> None:
