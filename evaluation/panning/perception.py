@@ -45,11 +45,11 @@ class Pixels:
     """Detector and tracker, given nothing but the window's pixels.
 
     Args:
-        model: network that finds people; None for the background models.
+        settings: of the detector; the tracker has its defaults.
     """
 
-    def __init__(self, model: Path | None = None) -> None:
-        self._pipeline = InProcessPipeline(DetectorSettings(model=model), TrackerSettings())
+    def __init__(self, settings: DetectorSettings) -> None:
+        self._pipeline = InProcessPipeline(settings, TrackerSettings())
 
     def see(
         self, frame: FrameId, image: NDArray[np.uint8], offset_px: tuple[float, float],
@@ -97,7 +97,7 @@ class TrueBoxes:
 
 def perception(name: PerceptionName, model: Path | None = None) -> Perception:
     """The perception of that name, knowing nobody; `model` is for pixels."""
-    return TrueBoxes() if name == "true-boxes" else Pixels(model)
+    return TrueBoxes() if name == "true-boxes" else Pixels(DetectorSettings(model=model))
 
 
 def _blobs(truth: InWindow, image: NDArray[np.uint8]) -> tuple[Blob, ...]:
