@@ -81,7 +81,8 @@ class Identity:
             others = [one for one in known if one is not track and one.confirmed]
             galleries = [one.gallery for one in [track, *others]]
             odds = self.model.compare(galleries, frame.looks[j][None])[:, 0]
-            evidence = float(odds[0]) - max(0.0, float(odds[1:].max(initial=0.0)))
+            own, best = float(odds[0]), max(0.0, float(odds[1:].max(initial=0.0)))
+            evidence = max(max(own, 0.0) - best, 0.0)
             doubt = (1 - track.confidence) / max(track.confidence, 1e-9)
             doubt *= math.exp(-self._settings.reassure * min(evidence, _MOST_ALIKE) * elapsed_s)
             track.confidence = 1 / (1 + doubt)
@@ -121,7 +122,7 @@ class Identity:
         sure = [
             k
             for k, track in enumerate(tracks)
-            if not (self._contacts.among(track) or self._is_doubted(track))
+            if not self._contacts.among(track)
         ]
         self._remember([tracks[k] for k in sure], looks[sure])
 
