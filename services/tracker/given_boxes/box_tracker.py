@@ -11,7 +11,7 @@ from schemas.errors import HeelError
 from services.tracker.given_boxes import kalman
 from services.tracker.given_boxes.association import marginals, newcomer_log_density, pair_log_odds
 from services.tracker.given_boxes.camera_motion import CameraMotion, shift_unseen
-from services.tracker.given_boxes.carry import CameraStep, carry
+from services.tracker.given_boxes.carry import CameraStep, Carrier
 from services.tracker.given_boxes.contacts import pairs_in_doubt
 from services.tracker.given_boxes.frame import FrameBoxes, checked
 from services.tracker.given_boxes.geometry import (
@@ -62,6 +62,7 @@ class BoxTracker:
         self._identity = Identity(self.settings.appearance)
         self._recall = Recall(self.settings, self._identity.model, image_size)
         self._carried = False
+        self._carrier = Carrier()
         self._scale = ScoreScale()
         self._camera = CameraMotion(self.settings.camera, self.settings.motion)
         self._last_s: float | None = None
@@ -145,7 +146,7 @@ class BoxTracker:
                 track.confidence_before = track.confidence
         if camera is not None:
             self._carried = True
-            carry(everyone, camera)
+            self._carrier.carry(everyone, camera, elapsed_s)
         if not self._tracks:
             self._covered, self._hidden = np.zeros((0, 0)), np.zeros(0)
             return np.zeros((0, AXES, 2)), np.zeros((0, AXES, 2, 2))

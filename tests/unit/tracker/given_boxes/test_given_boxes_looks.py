@@ -7,6 +7,7 @@ import pytest
 
 from services.tracker.given_boxes.appearance import LOOK_LENGTH, cut_out, describe, distances
 from services.tracker.given_boxes.contacts import Contacts
+from services.tracker.given_boxes.frame import FrameBoxes
 from services.tracker.given_boxes.geometry import FloatArray
 from services.tracker.given_boxes.identity import Identity
 from services.tracker.given_boxes.looks import Gallery, LookModel, nearest_views
@@ -16,6 +17,7 @@ from tests.unit.tracker.drawn_detections import BLUE, GREEN, RED, Colours, patch
 
 ALMOST_RED: Colours = ((32, 34, 197), (62, 51, 42))
 SETTINGS = AppearanceSettings()
+BOX = np.array([[100.0, 100.0, 180.0, 300.0]])
 
 
 def looks(colours: Colours, count: int, seed: int = 0) -> FloatArray:
@@ -158,3 +160,42 @@ def test_who_is_back_may_be_a_missing_person_of_the_same_look(
     others = [] if missing is None else [person(2, missing)]
     sure = Identity(SETTINGS).back(person(1, RED), looks(RED, 1)[0], others, at_edge)
     assert low <= sure <= high
+
+
+def doubted(seen: Colours, other: Colours, seconds: float = 4.0) -> Track:
+    """A red person of whom motion is not sure, seen alone in these clothes; somebody is missing."""
+    settings = AppearanceSettings(reassure=1.0)
+    identity = Identity(settings)
+    track, missing = person(1, RED), person(2, other)
+    track.confirmed = missing.confirmed = True
+    track.confidence = 0.5
+    known = [track, missing]
+    for k in range(round(10 * seconds)):
+        frame = FrameBoxes(BOX, np.ones(1), np.ones(1), looks(seen, 1, 500 + k))
+        identity.reassure([(track, 0)], known, frame, 0.1)
+        identity.learn([(track, 0)], [], {id(one) for one in known}, frame, (0.1 * k, 0.1))
+    return track
+
+
+@pytest.mark.parametrize(
+    ("seen", "other", "settled"),
+    [
+        (RED, GREEN, True),
+        (RED, ALMOST_RED, False),
+        (BLUE, GREEN, False),
+        (GREEN, GREEN, False),
+    ],
+    ids=["as known", "with a twin about", "like nobody known", "like who is missing"],
+)
+def test_looks_settle_a_doubt_and_raise_none(seen: Colours, other: Colours, settled: bool) -> None:
+    sure = doubted(seen, other).confidence
+    assert sure > 0.9 if settled else sure == pytest.approx(0.5, abs=0.25)
+    assert sure >= 0.5
+
+
+def test_who_is_in_doubt_goes_on_being_learned_but_that_does_not_settle_the_doubt() -> None:
+    track = doubted(BLUE, GREEN)
+    view = looks(BLUE, 1)
+    assert nearest_views([track.gallery], view)[0, 0] < 0.3
+    assert track.vouched is not None
+    assert nearest_views([track.vouched], view)[0, 0] > 0.4
