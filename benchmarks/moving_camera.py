@@ -5,13 +5,13 @@ chosen in the first frame in which a shown box is on the target, and held, as
 `evaluation/single_target.py` says.
 Several: IoU 0.5 against MOT15 ground truth, rows of flag 0 left out or ignored.
 
-Example run: python -m benchmarks.moving_camera --model yolox_nano.onnx
+Example run: python -m benchmarks.moving_camera --model yolox_nano.onnx --sequence Couple
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +21,7 @@ from benchmarks.common import Figure, data_folder, heel_run, publish, write_json
 from evaluation.motchallenge import read_ground_truth, read_tracks
 from evaluation.report import evaluate
 from evaluation.single_target import SingleTargetScores, single_target_scores
+from schemas.errors import HeelError
 from services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -34,12 +35,13 @@ Ways = Sequence[tuple[str, tuple[str, ...]]]
 """What a table calls a detector, and its flags."""
 
 
-def single_rows(ways: Ways) -> tuple[list[str], list[Figure]]:
-    """Table rows of the recordings of one person, their means, and the same as figures."""
+def single_rows(ways: Ways, chosen: Collection[str]) -> tuple[list[str], list[Figure]]:
+    """Table rows of the chosen recordings of one person, their means, and these as figures."""
     rows, figures = [], []
-    for name, flags in ways:
+    sequences = [sequence for sequence in ONE_PERSON if sequence in chosen]
+    for name, flags in ways if sequences else ():
         scores = []
-        for sequence in ONE_PERSON:
+        for sequence in sequences:
             with tempfile.TemporaryDirectory() as out:
                 milliseconds = _played(sequence, Path(out), flags)
                 truth = read_ground_truth(data_folder() / sequence / "gt" / "gt.txt")
@@ -56,10 +58,10 @@ def single_rows(ways: Ways) -> tuple[list[str], list[Figure]]:
     return rows, figures
 
 
-def several_rows(ways: Ways) -> tuple[list[str], list[Figure]]:
-    """Table rows of the recordings of several people, and their MOTA and IDF1 as figures."""
+def several_rows(ways: Ways, chosen: Collection[str]) -> tuple[list[str], list[Figure]]:
+    """Table rows of the chosen recordings of several people, and MOTA and IDF1 as figures."""
     rows, figures = [], []
-    for sequence in SEVERAL:
+    for sequence in (one for one in SEVERAL if one in chosen):
         for name, flags in ways:
             with tempfile.TemporaryDirectory() as out:
                 milliseconds = _played(sequence, Path(out), flags)
@@ -106,14 +108,20 @@ def _shares(one: SingleTargetScores) -> list[str]:
 @app.command()
 def main(
     model: Annotated[Path | None, typer.Option(help="ONNX network that finds people")] = None,
+    sequence: Annotated[list[str] | None, typer.Option(help="only this one; repeatable")] = None,
     write: Annotated[Path | None, typer.Option(help="file whose tables are replaced")] = None,
     json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
 ) -> None:
     """Score the detectors on moving cameras, with a network where one is given."""
+    known = (*ONE_PERSON, *SEVERAL)
+    chosen = sequence or known
+    if unknown := sorted(set(chosen) - set(known)):
+        raise HeelError(f"sequence {unknown[0]}: not one of {', '.join(known)}")
     seeing: Ways = [("auto, model", ("--model", str(model)))] if model is not None else []
-    one, figures = single_rows([*seeing, ("auto", ())])
-    several, more = several_rows([*seeing, ("ego", ("--detector", "ego"))])
-    text = table(_HEAD_ONE, one) + "\n" + table(_HEAD_SEVERAL, several)
+    one, figures = single_rows([*seeing, ("auto", ())], chosen)
+    several, more = several_rows([*seeing, ("ego", ("--detector", "ego"))], chosen)
+    tables = ((_HEAD_ONE, one), (_HEAD_SEVERAL, several))
+    text = "\n".join(table(head, rows) for head, rows in tables if rows)
     publish(text, write)
     write_json([*figures, *more], json)
 

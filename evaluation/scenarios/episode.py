@@ -45,14 +45,23 @@ class StackSettings:
         return min(limits)
 
 
-def load_stack(mode: Mode, file: Path | None) -> StackSettings:
+def load_stack(
+    mode: Mode, file: Path | None, detector_name: str | None = None, model: Path | None = None
+) -> StackSettings:
     """The settings as the processes would load them.
+
+    Args:
+        mode: what stands for the camera.
+        file: settings file of the services.
+        detector_name, model: of the detector, before what the file says.
 
     Raises:
         SettingsError: as `load_settings`.
     """
+    flags: dict[str, object] = {"detector": detector_name, "model": model}
+    given = {name: value for name, value in flags.items() if value is not None}
     detector: Loaded[DetectorServiceSettings] = load_settings(
-        "detector", DetectorServiceSettings, {}, file
+        "detector", DetectorServiceSettings, {"detector": given}, file
     )
     tracker: Loaded[TrackerServiceSettings] = load_settings(
         "tracker", TrackerServiceSettings, {}, file

@@ -16,6 +16,7 @@ from schemas.errors import SettingsError
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from evaluation.scenarios.episode import StackSettings
     from evaluation.scenarios.parallel import EpisodeTask, Run
     from evaluation.scenarios.report import EpisodeResult, Mode, ScenarioReport
 
@@ -42,6 +43,13 @@ def scenarios(
             "stack; or rendered pictures and the detector",
         ),
     ] = True,
+    detector: Annotated[
+        str | None, typer.Option(help="--pixels: how people are found: auto, mixture, ego, onnx")
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="--pixels: ONNX network that finds people", metavar="FILE"),
+    ] = None,
     processes: Annotated[
         bool,
         typer.Option(
@@ -74,25 +82,29 @@ def scenarios(
     if processes and (video or not boxes):
         raise SettingsError("--processes runs on simulated boxes and films nothing: leave out "
                             "--pixels and --video")  # fmt: skip
+    if boxes and (detector is not None or model is not None):
+        raise SettingsError("--detector and --model look at pixels, and the people here are the "
+                            "simulator's own boxes: add --pixels")  # fmt: skip
     tasks = spread(names, episodes, seed, out, video)
     mode: Mode = "simulated boxes" if boxes else "pixels"
     if processes:
         from services.run.guard import guarded
 
         raise typer.Exit(guarded(lambda: _run_processes(tasks, seed, config, as_json, out)))
-    _run_cores(tasks, seed, mode, config, jobs, as_json, out)
+    from evaluation.scenarios.episode import load_stack
+
+    _run_cores(tasks, seed, load_stack(mode, config, detector, model), jobs, as_json, out)
 
 
 def _run_cores(
-    tasks: list[EpisodeTask], seed: int, mode: Mode, config: Path | None, jobs: int | None,
-    as_json: bool, out: Path | None,
+    tasks: list[EpisodeTask], seed: int, stack: StackSettings, jobs: int | None, as_json: bool,
+    out: Path | None,
 ) -> None:  # fmt: skip
-    from evaluation.scenarios.episode import load_stack, run_episode
+    from evaluation.scenarios.episode import run_episode
     from evaluation.scenarios.report import make_report
 
-    run = partial(run_episode, load_stack(mode, config))
-    results, wall_s = _run_all(run, tasks, jobs or os.cpu_count() or 1)
-    _tell(make_report(results, seed, mode, wall_s), results, as_json, out)
+    results, wall_s = _run_all(partial(run_episode, stack), tasks, jobs or os.cpu_count() or 1)
+    _tell(make_report(results, seed, stack.mode, wall_s), results, as_json, out)
 
 
 def _run_processes(

@@ -9,6 +9,8 @@ import numpy as np
 
 from schemas import Ranges
 
+BODY_M = 0.2
+"""From the front of a person's body to its middle."""
 _LOOK_AHEAD_S = (0.25, 0.5, 0.75, 1.0)
 _BESIDE_RAD = math.pi / 3
 _PEOPLE_STOP_MPS2 = 3.0
@@ -52,6 +54,13 @@ class Sectors:
         along_m = self._distance * np.cos(nearest)
         free_m = along_m[met] - np.sqrt(space_m[met] ** 2 - beside_m[met] ** 2)
         return max(0.0, float(free_m.min(initial=math.inf)))
+
+    def towards_m(self, bearing_rad: float) -> float | None:
+        """The range of the sector that looks most nearly in a direction; None if none does."""
+        off = np.abs(np.remainder(self._bearing - bearing_rad + math.pi, 2 * math.pi) - math.pi)
+        off[off > self._width / 2] = math.inf
+        nearest = int(off.argmin()) if off.size else -1
+        return float(self._distance[nearest]) if nearest >= 0 and off[nearest] < math.inf else None
 
 
 def room_before_person_m(

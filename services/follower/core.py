@@ -214,14 +214,14 @@ class Follower:
             rate = self._controller.turn_to(goal.bearing_rad, self.settings.search_radps)
             return self._controller.brake_and_turn(rate, dt_s)
         people, target_id, pose = self._people, self.target.track_id, self._motion.pose
+        seen = self._name == "following"
         ahead_m, behind_m = self._surroundings.room_m(
-            people, target_id, pose, now_s, self.state.angular_radps
+            people, target_id, pose, now_s, self.state.angular_radps, seen
         )
         way = replace(pose, heading_rad=pose.heading_rad + goal.bearing_rad)
         sidestep_rad = self._surroundings.sidestep_rad(
             people, target_id, way, now_s, self.state.linear_mps
         )
-        seen = self._name == "following"
         return self._controller.follow(goal, ahead_m, behind_m, sidestep_rad, dt_s, seen)
 
     def _goal(self, t_s: float) -> Goal:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schemas import CameraInfo, Ranges, Track, Tracks
+from services.follower.clearance import Sectors
 from services.follower.estimate import PlaceFilter, polar_covariance
 from services.follower.own_motion import OwnMotion
 from services.follower.people_ranges import RangesInTime
@@ -76,7 +77,7 @@ class People:
 
     def observe(self, ranges: Ranges, now_s: float) -> None:
         """Take free distances at their arrival: they also tell how far people are."""
-        self._ranges = RangesInTime(ranges, now_s)
+        self._ranges = RangesInTime(Sectors(ranges), now_s)
 
     def update(self, tracks: Tracks, t_s: float, motion: OwnMotion, keep: int | None) -> None:
         """Take a frame's tracks.

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas import Ranges
+from services.follower.clearance import BODY_M, Sectors
 from services.follower.estimate import PlaceFilter, polar_covariance
 from services.follower.own_motion import OwnMotion
 
-_BODY_M = 0.2
-"""From the front of a body to its middle."""
 _SIGMA_M = 0.06
 _GATE_M = 0.35
 """What is nearer than the person by more is somebody or something else in between."""
@@ -23,7 +21,7 @@ _LONGEST_S = 0.25
 class RangesInTime:
     """Free distances, and when they arrived on the clock of the follower."""
 
-    ranges: Ranges
+    sectors: Sectors
     t_s: float
 
     def sharpen(self, place: PlaceFilter, t_s: float, motion: OwnMotion) -> None:
@@ -42,20 +40,11 @@ class RangesInTime:
         vx_mps, vy_mps = place.velocity
         ahead_m, left_m = pose.seen(x_m + vx_mps * gap_s, y_m + vy_mps * gap_s)
         bearing_rad, distance_m = math.atan2(left_m, ahead_m), math.hypot(ahead_m, left_m)
-        range_m = self._towards_m(bearing_rad)
-        if range_m is None or abs(range_m + _BODY_M - distance_m) > _GATE_M:
+        range_m = self.sectors.towards_m(bearing_rad)
+        if range_m is None or abs(range_m + BODY_M - distance_m) > _GATE_M:
             return
-        seen_x, seen_y = pose.place(range_m + _BODY_M, bearing_rad)
+        seen_x, seen_y = pose.place(range_m + BODY_M, bearing_rad)
         where = np.array([seen_x - vx_mps * gap_s, seen_y - vy_mps * gap_s])
         # A range says nothing of where across the line of sight.
         covariance = polar_covariance(pose.heading_rad + bearing_rad, 1.0, _SIGMA_M, 10.0)
         place.update(where, covariance, t_s)
-
-    def _towards_m(self, bearing_rad: float) -> float | None:
-        """The range of the sector that looks most nearly in a direction; None if none does."""
-        best_m, least_rad = None, math.inf
-        for sector in self.ranges.sectors:
-            off_rad = abs(math.remainder(sector.bearing_rad - bearing_rad, 2 * math.pi))
-            if off_rad <= sector.width_rad / 2 and off_rad < least_rad:
-                best_m, least_rad = sector.distance_m, off_rad
-        return best_m

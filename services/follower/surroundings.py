@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from schemas import Ranges
-from services.follower.clearance import Body, Sectors, room_before_person_m
+from services.follower.clearance import BODY_M, Body, Sectors, room_before_person_m
 from services.follower.own_motion import Pose
 from services.follower.people import People
 from services.follower.settings import FollowerSettings
@@ -48,8 +48,9 @@ class Surroundings:
         return self._sectors.free_m(self._body)
 
     def room_m(
-        self, people: People, target_id: int | None, pose: Pose, now_s: float, angular_radps: float
-    ) -> tuple[float, float]:
+        self, people: People, target_id: int | None, pose: Pose, now_s: float,
+        angular_radps: float, seen: bool = True,
+    ) -> tuple[float, float]:  # fmt: skip
         """How far the robot may go ahead and back, infinite where nothing says otherwise.
 
         Args:
@@ -58,6 +59,8 @@ class Surroundings:
             pose: where the robot is now.
             now_s: the present.
             angular_radps: how it turns.
+            seen: whether the target is. Out of sight they may stand nearer than they would by now:
+                whatever ranges show in their direction is kept from as they are.
         """
         ahead_m = behind_m = math.inf
         for person in people.known.values():
@@ -66,6 +69,9 @@ class Surroundings:
             margin_m = _TARGET_MARGIN_M if person.id == target_id else _OTHERS_MARGIN_M
             space_m = self._settings.personal_space_m + margin_m
             ahead_m = min(ahead_m, room_before_person_m(place, velocity, space_m))
+            if person.id == target_id and not seen:
+                nearer = self._something_towards(place)
+                ahead_m = min(ahead_m, room_before_person_m(nearer, velocity, space_m))
         if self._sectors is not None:
             for direction_rad in (0.0, angular_radps * _CURVE_S):
                 free_m = self._sectors.free_m(self._body, direction_rad)
@@ -73,6 +79,16 @@ class Surroundings:
             # Who has ranges but none behind does not back into the unknown.
             behind_m = self._sectors.free_m(self._body, math.pi) or 0.0
         return ahead_m, behind_m
+
+    def _something_towards(self, place: tuple[float, float]) -> tuple[float, float]:
+        """What ranges show in the direction of a place, or the place itself if that is nearer."""
+        distance_m, bearing_rad = math.hypot(*place), math.atan2(place[1], place[0])
+        range_m = None if self._sectors is None else self._sectors.towards_m(bearing_rad)
+        if range_m is None or range_m + BODY_M >= distance_m:
+            return place
+        return (range_m + BODY_M) * math.cos(bearing_rad), (range_m + BODY_M) * math.sin(
+            bearing_rad
+        )
 
     def sidestep_rad(
         self, people: People, target_id: int | None, way: Pose, now_s: float, linear_mps: float

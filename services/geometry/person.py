@@ -9,6 +9,7 @@ the person's, so each edge of the box that is seen says something of `q = 1 / d`
 The two are combined by generalised least squares in `q`. Their errors: edges of boxes, the
 person's height (head only), and the pitch of a rocking robot, which moves both alike. Where the
 mounting is not known only the difference says something: `s_feet - s_head = person * q`.
+An end that is cut off tells, too: whoever is farther away would show it.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from services.geometry.camera import GroundCamera, Pinhole
 
 Evidence = Literal["feet and head", "feet", "head", "height", "cut height", "bound"]
 _FARTHEST_M = 1000.0
+_TALL_SIGMAS = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +58,10 @@ class PersonPosition:
         distance_m: along the ground.
         bearing_rad: left is positive.
         distance_sigma_m, bearing_sigma_rad: standard deviations.
-        evidence: what the distance rests on. `bound`: neither feet nor head are seen, the person
-            is anywhere from touching to twice `distance_m`. `cut height`: one of them is cut off
-            and the mounting is unknown; the person may be nearer.
+        evidence: what the distance rests on. `bound`: neither feet nor head are seen, or what is
+            taken for them is not; the person is anywhere from touching to twice `distance_m`.
+            `cut height`: one of them is cut off and the mounting is unknown; the person may be
+            nearer.
     """
 
     distance_m: float
@@ -93,6 +96,7 @@ def locate_person(
     if isinstance(camera, GroundCamera):
         seen = _by_ground(middle_px, top if head_seen else None, bottom if feet_seen else None,
                           camera, model, sigma_px)  # fmt: skip
+        seen = _not_beyond(_farthest_m(middle_px, head_seen, feet_seen, camera, model), seen)
     else:
         seen = _by_height(middle_px, top, bottom, head_seen, feet_seen, camera, model, sigma_px)
     if not (head_seen or feet_seen):
@@ -150,6 +154,34 @@ def _by_ground(
         return None
     evidence: Evidence = "feet" if top is None else "head" if bottom is None else "feet and head"
     return *solved, evidence
+
+
+def _farthest_m(
+    middle_px: float, head_seen: bool, feet_seen: bool, camera: GroundCamera, model: PersonModel
+) -> float:
+    """Where the ends that are cut off would come into the picture; infinite if nothing is."""
+    farthest_m = math.inf
+    over_camera_m = model.height_m + _TALL_SIGMAS * model.height_sigma_m - camera.mount_height_m
+    highest = camera.slope(middle_px, model.border_px)
+    lowest = camera.slope(middle_px, camera.height_px - model.border_px)
+    if not head_seen and over_camera_m > 0 and highest < 0:
+        farthest_m = over_camera_m / -highest
+    if not feet_seen and lowest > 0:
+        farthest_m = min(farthest_m, camera.mount_height_m / lowest)
+    return farthest_m
+
+
+def _not_beyond(farthest_m: float, seen: _Seen | None) -> _Seen | None:
+    """What is seen, unless what is cut off contradicts it: half a person's lower edge is no feet.
+
+    A network's boxes of rendered people 1 m away ended at the hips: 3.8 m, said the "feet".
+    """
+    if seen is None or seen[0] <= farthest_m:
+        return seen
+    distance_m, distance_sigma_m, evidence = seen
+    if distance_m - 2 * distance_sigma_m <= farthest_m:
+        return farthest_m, distance_sigma_m, evidence
+    return farthest_m / 2, farthest_m / math.sqrt(12), "bound"
 
 
 def _least_squares(

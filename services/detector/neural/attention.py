@@ -11,7 +11,8 @@ from services.detector.neural.views import View, Views
 _NEWCOMER_TURN = 2
 """Somebody without an identity yet waits as long as one who was looked at so many frames ago."""
 _SEARCH_TURN = 8
-"""Where nobody is expected is looked at every so many frames, or whenever there is time."""
+"""Where nobody is expected is looked at every so many frames, and in every one as long as nobody is
+expected anywhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +61,18 @@ class Attention:
             if not any(view.holds(person.box_xyxy) for view in chosen)
             and (view := self._views.around(person.box_xyxy)) is not None
         ]
-        if waiting:
-            view = min(waiting, key=lambda entry: entry[0])[1]
-            if not self._views.tiles or self._turn - self._searched < _SEARCH_TURN:
-                self._note(view, expected)
-                return view
-        return self._search(expected)
+        tiles = self._views.tiles
+        if tiles and (not expected or self._turn - self._searched >= _SEARCH_TURN):
+            return self._search(expected)
+        if not waiting:
+            return None
+        view = min(waiting, key=lambda entry: entry[0])[1]
+        self._note(view, expected)
+        return view
 
     def _search(self, expected: Sequence[Expected]) -> View | None:
         tiles = self._views.tiles
-        if not tiles or self._searched == self._turn:
+        if self._searched == self._turn:
             return None
         self._searched = self._turn
         self._tile = (self._tile + 1) % len(tiles)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from schemas.errors import HeelError, SettingsError
 from services.detector.neural.heads import FORMS, Floats, InputForm, people, recognise
+from services.detector.neural.sheet import PAD_GREY, Sheet
 
-_PAD_GREY = 114
 _OVERLAP = 0.45
 """Of two boxes that overlap more than this (IoU), the weaker one goes."""
 _MOST_SIDE_PX = 2048
@@ -51,7 +51,7 @@ class PersonModel:
         self.width, self.height = _input_size(file)
         try:
             self._network = cv2.dnn.readNetFromONNX(str(file))
-            blank = np.full((self.height, self.width, 3), _PAD_GREY, np.uint8)
+            blank = np.full((self.height, self.width, 3), PAD_GREY, np.uint8)
             probe = self._run(blank, InputForm(1.0, False))
         except cv2.error as error:
             raise SettingsError(
@@ -71,28 +71,16 @@ class PersonModel:
             HeelError: OpenCV failed on this picture.
         """
         rows, columns = image.shape[:2]
-        scale = min(self.width / columns, self.height / rows)
+        sheet = Sheet((self.width, self.height), (columns, rows))
         try:
-            output = self._run(self._letterboxed(image, scale), self._form)
+            output = self._run(sheet.lay_out(image), self._form)
         except cv2.error as error:
             raise HeelError(f"the network failed: {_first_line(error)}") from None
         boxes, scores = people(output, self.head, self.width, self.height)
         good = np.flatnonzero(scores >= least_score)
-        boxes, scores = boxes[good] / np.float32(scale), scores[good]
-        boxes = np.clip(boxes, 0.0, np.array([columns, rows, columns, rows], np.float32))
+        boxes, scores = sheet.read(boxes[good], scores[good])
         kept = without_doubles(boxes, scores)
         return Detections(boxes[kept], scores[kept])
-
-    def _letterboxed(self, image: NDArray[np.uint8], scale: float) -> NDArray[np.uint8]:
-        """The picture in the upper left corner of the network's input."""
-        rows, columns = image.shape[:2]
-        size = (
-            min(self.width, max(1, round(columns * scale))),
-            min(self.height, max(1, round(rows * scale))),
-        )
-        boxed = np.full((self.height, self.width, 3), _PAD_GREY, np.uint8)
-        boxed[: size[1], : size[0]] = cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
-        return boxed
 
     def _run(self, pixels: NDArray[np.uint8], form: InputForm) -> Floats:
         self._network.setInput(cv2.dnn.blobFromImage(pixels, form.scale, swapRB=form.rgb))

@@ -11,7 +11,7 @@ from schemas.errors import HeelError
 from services.tracker.given_boxes import kalman
 from services.tracker.given_boxes.association import marginals, newcomer_log_density, pair_log_odds
 from services.tracker.given_boxes.camera_motion import CameraMotion, shift_unseen
-from services.tracker.given_boxes.carry import CameraStep, carry
+from services.tracker.given_boxes.carry import CameraStep, Carrier
 from services.tracker.given_boxes.contacts import pairs_in_doubt
 from services.tracker.given_boxes.frame import FrameBoxes, checked
 from services.tracker.given_boxes.geometry import (
@@ -62,6 +62,7 @@ class BoxTracker:
         self._identity = Identity(self.settings.appearance)
         self._recall = Recall(self.settings, self._identity.model, image_size)
         self._carried = False
+        self._carrier = Carrier()
         self._scale = ScoreScale()
         self._camera = CameraMotion(self.settings.camera, self.settings.motion)
         self._last_s: float | None = None
@@ -113,19 +114,27 @@ class BoxTracker:
         t_s: float,
     ) -> None:
         self._scale.learn(frame.raw[[j for i, j in pairs if self._tracks[i].hits > 2]])
-        least = self.settings.appearance.contact
-        met = pairs_in_doubt(sure, pairs, least) + [merge.tracks for merge in merges]
-        self._identity.reassure(
-            [(self._tracks[i], j) for i, j in pairs],
-            self._tracks + self._recall.lost,
-            frame,
-            self._elapsed_s,
-        )
+        if frame.looks is None:
+            return
+        found = {i for i, _ in pairs}
+        since_s = t_s - self.settings.life.recent_s - _EPSILON_S
+        unseen = [
+            track
+            for i, track in enumerate(self._tracks)
+            if i not in found and track.confirmed and track.seen_s >= since_s
+        ]
+        alone = self._identity.alone(frame.boxes, unseen)
+        owned = [(self._tracks[i], j) for i, j in pairs]
+        known = self._tracks + self._recall.lost
+        self._identity.reassure(owned, known, frame.looks, alone, self._elapsed_s)
+        met = pairs_in_doubt(sure, pairs, self.settings.appearance.contact)
+        met += [merge.tracks for merge in merges]
         self._identity.learn(
-            [(self._tracks[i], j) for i, j in pairs],
+            owned,
             [(self._tracks[i], self._tracks[k]) for i, k in met],
-            {id(track) for track in self._tracks + self._recall.lost},
-            frame,
+            {id(track) for track in known},
+            frame.looks,
+            alone,
             (t_s, self._elapsed_s),
         )
 
@@ -145,7 +154,7 @@ class BoxTracker:
                 track.confidence_before = track.confidence
         if camera is not None:
             self._carried = True
-            carry(everyone, camera)
+            self._carrier.carry(everyone, camera, elapsed_s)
         if not self._tracks:
             self._covered, self._hidden = np.zeros((0, 0)), np.zeros(0)
             return np.zeros((0, AXES, 2)), np.zeros((0, AXES, 2, 2))

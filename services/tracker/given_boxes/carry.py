@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,10 @@ from services.tracker.given_boxes.track import Track
 
 _DRIFT = 0.1
 """Share of a shift that it may be wrong by even if all features agree: near things shift more."""
+_LATELY_S = 1.0
+"""Time in which a camera's pace of lately falls to 1/e."""
+_JERK = 2.0
+"""How much faster than lately a camera may be whose motion cannot be told."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +36,39 @@ class CameraStep:
         return np.asarray(points @ self.matrix[:, :2].T + self.matrix[:, 2])
 
 
-def carry(tracks: Sequence[Track], step: CameraStep) -> None:
-    """Move the state and the remembered places of tracks by a camera step, in place.
+class Carrier:
+    """Carries what is known of people along with the camera, and knows how fast it moved lately."""
+
+    def __init__(self) -> None:
+        """Start with a camera that has not moved."""
+        self._lately_px = 0.0
+
+    def carry(self, tracks: Sequence[Track], step: CameraStep, elapsed_s: float) -> None:
+        """Move the state and the remembered places of tracks by a camera step, in place.
+
+        A step of quality 0 says nothing: people may then be anywhere that a camera as fast as
+        lately, or somewhat faster, could have put them. It is most often a jerk that hides a step.
+
+        Args:
+            tracks: whom to carry. step: of the camera, since the frame before.
+            elapsed_s: since the frame before.
+        """
+        self._lately_px *= math.exp(-elapsed_s / _LATELY_S)
+        if not tracks:
+            return
+        places = np.stack([track.mean[:2, 0] for track in tracks])
+        shift = np.hypot(*(step.places(places) - places).T)
+        self._lately_px = max(self._lately_px, float(shift.mean()))
+        unknown_px = _JERK * self._lately_px if step.quality <= 0.0 else 0.0
+        _carry(tracks, step, unknown_px)
+
+
+def _carry(tracks: Sequence[Track], step: CameraStep, unknown_px: float) -> None:
+    """Carry, with a spread of `unknown_px` on top.
 
     Axes stay independent (see `kalman`): what a turn of the picture mixes between x and y goes into
     their variances, not between them.
     """
-    if not tracks:
-        return
     linear = step.matrix[:, :2]
     growth = 0.5 * float(np.log(max(abs(np.linalg.det(linear)), 1e-6)))
     mean = np.stack([track.mean for track in tracks])
@@ -49,11 +79,11 @@ def carry(tracks: Sequence[Track], step: CameraStep) -> None:
     mean[:, 2, 0] += growth
     covariance[:, :2] = np.einsum("ab,nbij->naij", linear**2, covariance[:, :2])
     wrong = max(_DRIFT, 1 - step.quality) * (mean[:, :2, 0] - before)
-    covariance[:, :2, 0, 0] += wrong**2
+    covariance[:, :2, 0, 0] += wrong**2 + unknown_px**2
     anchors = step.places(np.stack([track.anchor[:2] for track in tracks]))
     births = step.places(np.stack([track.birthplace for track in tracks]))
     for k, track in enumerate(tracks):
         track.mean, track.covariance = mean[k], covariance[k]
         track.anchor = np.array([*anchors[k], track.anchor[2] + growth, track.anchor[3]])
-        track.anchor_spread_px = float(np.hypot(track.anchor_spread_px, np.hypot(*wrong[k])))
+        track.anchor_spread_px = math.hypot(track.anchor_spread_px, *wrong[k].tolist(), unknown_px)
         track.birthplace = births[k]

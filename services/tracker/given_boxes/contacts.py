@@ -132,6 +132,7 @@ def _close(contact: Contact, kept_log_odds: float, exchanged: bool) -> None:
         who = 1 - place if exchanged else place
         if exchanged:
             track.track_id, track.gallery = names[who], contact.galleries[who]
+            track.vouched = None
         track.confidence = contact.confidences[who] * sure
         track.runner_up = 1 - sure
 

@@ -72,6 +72,7 @@ class Track:
     runner_up: float = 0.0  # that this is the best other known person
     walked: bool = False  # has moved as only people do
     gallery: Gallery = field(default_factory=Gallery)
+    vouched: Gallery | None = None  # the gallery of before a doubt that is not settled yet
     birthplace: FloatArray = field(default_factory=lambda: np.zeros(2))  # px
     anchor: FloatArray = field(default_factory=lambda: np.zeros(AXES))  # where last seen
     anchor_speed: float = 0.0  # heights per second at that moment
@@ -94,7 +95,7 @@ class Track:
         self.confidence = old.confidence * probability
         self.runner_up = min(old.runner_up, 1 - self.confidence)
         if old.gallery.looks > self.gallery.looks:
-            self.gallery = old.gallery
+            self.gallery, self.vouched = old.gallery, old.vouched
 
     def walked_by(self) -> float:
         """Distance from where the track was born, in heights."""

@@ -76,6 +76,14 @@ def test_nobody_expected_in_a_large_frame_is_searched_for_tile_by_tile() -> None
     assert seen == set(views.tiles)
 
 
+def test_with_people_known_the_frame_is_searched_now_and_then_even_if_there_is_time() -> None:
+    views = Views(FRAME, INPUT)
+    attention = Attention(views)
+    large = [Expected(person(400, 300, 200), 1)]
+    chosen = [attention.next_views(large, most=2) for _ in range(32)]
+    assert sum(map(len, chosen)) == 4
+
+
 def found(*boxes: tuple[float, float, float, float, float]) -> Detections:
     table = np.array(boxes, np.float32).reshape(-1, 5)
     return Detections(table[:, :4], table[:, 4])

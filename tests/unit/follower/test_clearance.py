@@ -40,6 +40,23 @@ def lidar(wall: dict[int, float], farthest_m: float = 8.0) -> Ranges:
 
 
 @pytest.mark.parametrize(
+    ("seen", "bearing_rad", "range_m"),
+    [
+        (ranges((0.0, 0.2, 3.0), (0.2, 0.2, 1.0)), 0.04, 3.0),
+        (ranges((0.0, 0.2, 3.0), (0.2, 0.2, 1.0)), 0.16, 1.0),
+        (ranges((math.pi, 0.2, 2.0)), -math.pi + 0.05, 2.0),
+        (ranges((0.0, 0.2, 3.0)), 0.3, None),
+        (ranges(), 0.0, None),
+    ],
+    ids=["nearer the one", "nearer the other", "behind", "nobody looks there", "no sectors"],
+)
+def test_the_range_towards_a_direction_is_that_of_the_sector_that_looks_there(
+    seen: Ranges, bearing_rad: float, range_m: float | None
+) -> None:
+    assert Sectors(seen).towards_m(bearing_rad) == range_m
+
+
+@pytest.mark.parametrize(
     ("seen", "direction_rad", "free_m"),
     [
         (ranges((0.0, 0.5, 3.0)), 0.0, 2.6),

@@ -194,6 +194,26 @@ def test_something_that_appears_too_near_to_brake_for_stops_the_robot_at_once() 
     assert made.step(3.0, 0.0).linear_mps == 0.0
 
 
+@pytest.mark.parametrize(
+    ("range_m", "bearing_rad", "drives"),
+    [
+        pytest.param(5.0, 0.0, True, id="nothing nearer"),
+        pytest.param(1.0, 0.0, False, id="something in their direction"),
+        pytest.param(1.0, 1.0, True, id="something aside"),
+    ],
+)
+def test_out_of_sight_the_target_may_be_what_stands_in_their_direction(
+    range_m: float, bearing_rad: float, drives: bool
+) -> None:
+    made = driven(sector(5.0))
+    for step in range(20):
+        made.observe(tracks(), TRACKER)
+        made.observe_ranges(sector(range_m, bearing_rad), 3.0 + step * 0.02)
+        command = made.step(3.0 + step * 0.02, 0.0)
+    assert command.state == "occluded"
+    assert (command.linear_mps > 0) == drives
+
+
 def test_ranges_that_were_there_once_and_end_stop_the_robot_with_the_reason() -> None:
     made = driven(sector(5.0), every_s=10.0)
     assert (made.state.state, made.state.reason) == ("stopped", "ranges are older than 0.25 s")

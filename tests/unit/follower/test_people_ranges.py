@@ -9,6 +9,7 @@ import pytest
 
 from schemas import Ranges
 from schemas.robot import RangeSector
+from services.follower.clearance import Sectors
 from services.follower.estimate import PlaceFilter
 from services.follower.own_motion import OwnMotion
 from services.follower.people_ranges import RangesInTime
@@ -37,7 +38,7 @@ def sharpened(ranges: Ranges, range_age_s: float = 0.0, bearing_rad: float = 0.0
     motion.advance(1.0)
     where = SEEN_M * np.array([math.cos(bearing_rad), math.sin(bearing_rad)])
     place = PlaceFilter(where, np.eye(2) * 0.2**2, 1.0)
-    RangesInTime(ranges, 1.0 - range_age_s).sharpen(place, 1.0, motion)
+    RangesInTime(Sectors(ranges), 1.0 - range_age_s).sharpen(place, 1.0, motion)
     return place
 
 

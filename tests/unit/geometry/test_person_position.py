@@ -56,6 +56,27 @@ def test_who_is_cut_off_at_both_ends_is_too_near(camera: Pinhole, x: float) -> N
     assert seen.distance_sigma_m > 0.2
 
 
+@pytest.mark.parametrize(
+    "box",
+    [
+        pytest.param((217.0, 0.0, 383.0, 310.0), id="head cut off: the lower edge is no feet"),
+        pytest.param((217.0, 150.0, 383.0, 480.0), id="feet cut off: the upper edge is no head"),
+    ],
+)
+def test_half_a_person_is_not_far_away(box: tuple[float, ...]) -> None:
+    seen = locate_person(box, MOUNTED)
+    assert seen is not None
+    assert seen.evidence == "bound"
+    assert 2 * seen.distance_m < 1.7
+
+
+def test_tall_people_are_still_located_by_their_feet() -> None:
+    seen = locate_person(box_at(MOUNTED, 1.55, height_m=1.99), MOUNTED)
+    assert seen is not None
+    assert seen.evidence == "feet"
+    assert seen.distance_m == pytest.approx(1.55, abs=0.05)
+
+
 def test_without_mounting_only_the_apparent_height_counts() -> None:
     seen = locate_person(box_at(MOUNTED, 4.0), LEVEL)
     assert seen is not None

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from schemas import SettingsError
+from schemas import HeelError
 from services.cli import app
 
 SHORT = ["scenarios", "--episodes", "1", "--jobs", "1", "--scenario", "straight", "--seed", "3"]
@@ -31,11 +31,13 @@ def test_json_and_a_picture_of_an_episode(tmp_path: Path) -> None:
     [
         (["scenarios", "--scenario", "moonwalk"], "no scenario 'moonwalk'"),
         (["scenarios", "--processes", "--pixels"], "leave out --pixels"),
+        (["scenarios", "--model", "net.onnx"], "add --pixels"),
+        ([*SHORT, "--pixels", "--model", "no.onnx"], "no.onnx: no such file"),
         ([*SHORT, "--video"], "give --out DIR"),
     ],
 )
 def test_wrong_usage_is_said(arguments: list[str], says: str) -> None:
     result = CliRunner().invoke(app, arguments)
 
-    assert isinstance(result.exception, SettingsError)
+    assert isinstance(result.exception, HeelError)
     assert says in str(result.exception)

@@ -7,7 +7,7 @@ import pytest
 
 from services.tracker.given_boxes.appearance import LOOK_LENGTH, cut_out, describe, distances
 from services.tracker.given_boxes.contacts import Contacts
-from services.tracker.given_boxes.geometry import FloatArray
+from services.tracker.given_boxes.geometry import FloatArray, boxes_to_measurements
 from services.tracker.given_boxes.identity import Identity
 from services.tracker.given_boxes.looks import Gallery, LookModel, nearest_views
 from services.tracker.given_boxes.settings import AppearanceSettings
@@ -158,3 +158,64 @@ def test_who_is_back_may_be_a_missing_person_of_the_same_look(
     others = [] if missing is None else [person(2, missing)]
     sure = Identity(SETTINGS).back(person(1, RED), looks(RED, 1)[0], others, at_edge)
     assert low <= sure <= high
+
+
+def doubted(seen: Colours, other: Colours, seconds: float = 4.0) -> Track:
+    """A red person of whom motion is not sure, seen alone in these clothes; somebody is missing."""
+    settings = AppearanceSettings(reassure=1.0)
+    identity = Identity(settings)
+    track, missing = person(1, RED), person(2, other)
+    track.confirmed = missing.confirmed = True
+    track.confidence = 0.5
+    known = [track, missing]
+    for k in range(round(10 * seconds)):
+        look, alone, everybody = looks(seen, 1, 500 + k), np.array([True]), {id(o) for o in known}
+        identity.reassure([(track, 0)], known, look, alone, 0.1)
+        identity.learn([(track, 0)], [], everybody, look, alone, (0.1 * k, 0.1))
+    return track
+
+
+@pytest.mark.parametrize(
+    ("seen", "other", "settled"),
+    [
+        (RED, GREEN, True),
+        (RED, ALMOST_RED, False),
+        (BLUE, GREEN, False),
+        (GREEN, GREEN, False),
+    ],
+    ids=["as known", "with a twin about", "like nobody known", "like who is missing"],
+)
+def test_looks_settle_a_doubt_and_raise_none(seen: Colours, other: Colours, settled: bool) -> None:
+    sure = doubted(seen, other).confidence
+    assert sure > 0.9 if settled else sure == pytest.approx(0.5, abs=0.25)
+    assert sure >= 0.5
+
+
+def test_who_is_in_doubt_goes_on_being_learned_but_that_does_not_settle_the_doubt() -> None:
+    track = doubted(BLUE, GREEN)
+    view = looks(BLUE, 1)
+    assert nearest_views([track.gallery], view)[0, 0] < 0.3
+    assert track.vouched is not None
+    assert nearest_views([track.vouched], view)[0, 0] > 0.4
+
+
+@pytest.mark.parametrize(
+    ("other_box", "missing", "alone"),
+    [
+        (None, None, True),
+        ((300.0, 100.0, 380.0, 300.0), None, True),
+        ((140.0, 100.0, 220.0, 300.0), None, False),
+        (None, (110.0, 90.0, 180.0, 260.0), False),
+        (None, (170.0, 100.0, 250.0, 300.0), True),
+    ],
+    ids=["nobody", "far", "overlapping", "missing inside", "missing beside"],
+)
+def test_a_box_shows_one_person_only_if_nobody_else_may_be_in_it(
+    other_box: tuple[float, ...] | None, missing: tuple[float, ...] | None, alone: bool
+) -> None:
+    boxes = np.array([(100.0, 100.0, 180.0, 300.0), *([other_box] if other_box else [])])
+    unseen = []
+    if missing is not None:
+        unseen.append(person(2, GREEN))
+        unseen[0].mean[:, 0] = boxes_to_measurements(np.array([missing]))[0]
+    assert bool(Identity(SETTINGS).alone(boxes, unseen)[0]) == alone

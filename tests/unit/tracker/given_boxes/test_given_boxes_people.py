@@ -159,6 +159,23 @@ def test_a_camera_step_moves_places_sizes_and_speeds() -> None:
     assert size[1] == pytest.approx(1.5 * size[0], rel=0.05)
 
 
+@pytest.mark.parametrize("panning", [True, False], ids=["panning", "standing"])
+def test_a_jerk_that_nobody_can_tell_loses_nobody_if_the_camera_moved_before(panning: bool) -> None:
+    """Where the camera stood, a box as far away is not taken for the same person."""
+    tracker = Tracker(TrackerSettings())
+    pan, shift, ids = 40.0 if panning else 0.0, 0.0, []
+    for seq in range(16):
+        step = 120.0 if seq == 12 else pan
+        shift += step
+        told = CameraMotion(affine=(1.0, 0.0, -step, 0.0, 1.0, 0.0), quality=0.9)
+        blind = CameraMotion(affine=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0), quality=0.0)
+        walker = [walking(RED, 500, 10 * pan)]
+        blobs = message(walker, seq, 10, blind if seq == 12 else told, shift)
+        ids.append({track.id for track in tracker.update(blobs).tracks if not track.missed_frames})
+    assert ids[11] == {1}
+    assert (ids[12] == {1}) == panning
+
+
 def test_ids_are_not_used_again_when_the_kind_of_blobs_changes() -> None:
     tracker = Tracker(TrackerSettings())
     people = [standing(RED, 200, (0, 99)), standing(GREEN, 450, (0, 99))]
