@@ -37,9 +37,10 @@ def demo(
     scenario: Annotated[str, typer.Option(help="kind of episode")] = SCENARIO,
     seed: Annotated[int, typer.Option(help="of the episode; each is another one", min=0)] = SEED,
     perception: Annotated[
-        Literal["simulated-boxes", "pixels"],
-        typer.Option(help="who sees the people: the simulator itself, or the detector"),
-    ] = "simulated-boxes",
+        Literal["simulated-boxes", "pixels"] | None,
+        typer.Option(help="who sees the people: the simulator itself, or the detector [default: "
+                     "the detector where --detector or --model is given]"),
+    ] = None,
     detector: Annotated[
         str | None, typer.Option(help="how people are found in pixels: auto, mixture, ego, onnx")
     ] = None,
@@ -62,7 +63,10 @@ def demo(
         )  # fmt: skip
         raise typer.Exit(guarded(lambda: play_scene(options)))
 
-    if perception == "simulated-boxes" and (detector is not None or model is not None):
+    looks = detector is not None or model is not None
+    if perception is None:
+        perception = "pixels" if looks else "simulated-boxes"
+    if perception == "simulated-boxes" and looks:
         raise SettingsError(
             "--detector and --model look at pixels, and the people here are the simulator's own "
             "boxes: add --perception pixels, or --scene"
@@ -100,6 +104,8 @@ def _play_world(
     )
     if perception == "simulated-boxes":
         typer.echo("people are the simulator's own boxes, not seen in pixels")
+    else:
+        typer.echo("people were seen in the rendered pictures")
     typer.echo(f"results in {out}")
 
 

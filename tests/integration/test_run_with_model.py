@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 
 import pytest
@@ -50,3 +52,15 @@ def test_the_demo_says_that_boxes_of_the_simulator_need_no_detector(tmp_path: Pa
                         "simulated-boxes")  # fmt: skip
     assert code != 0
     assert "add --perception pixels, or --scene" in err
+
+
+def test_with_a_network_the_demo_sees_in_pixels_and_says_so(tmp_path: Path) -> None:
+    pytest.importorskip("panda3d", reason="the extra sim is not installed")
+    model = str(red_finder(tmp_path / "net.onnx"))
+    code, out, err = heel("demo", "--out", str(tmp_path), "--model", model, "--seconds", "5",
+                          "--port", "0")  # fmt: skip
+    assert code == 0, err
+    assert "people were seen in the rendered pictures" in out
+    log = (tmp_path / "logs" / "detector.log").read_text()
+    assert re.search(r"received [1-9]\d*, sent [1-9]", log), log
+    assert json.loads((tmp_path / "following.json").read_text())["perception"] == "pixels"
