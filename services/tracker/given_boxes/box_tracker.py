@@ -114,27 +114,19 @@ class BoxTracker:
         t_s: float,
     ) -> None:
         self._scale.learn(frame.raw[[j for i, j in pairs if self._tracks[i].hits > 2]])
-        if frame.looks is None:
-            return
-        found = {i for i, _ in pairs}
-        since_s = t_s - self.settings.life.recent_s - _EPSILON_S
-        unseen = [
-            track
-            for i, track in enumerate(self._tracks)
-            if i not in found and track.confirmed and track.seen_s >= since_s
-        ]
-        alone = self._identity.alone(frame.boxes, unseen)
-        owned = [(self._tracks[i], j) for i, j in pairs]
-        known = self._tracks + self._recall.lost
-        self._identity.reassure(owned, known, frame.looks, alone, self._elapsed_s)
-        met = pairs_in_doubt(sure, pairs, self.settings.appearance.contact)
-        met += [merge.tracks for merge in merges]
+        least = self.settings.appearance.contact
+        met = pairs_in_doubt(sure, pairs, least) + [merge.tracks for merge in merges]
+        self._identity.reassure(
+            [(self._tracks[i], j) for i, j in pairs],
+            self._tracks + self._recall.lost,
+            frame,
+            self._elapsed_s,
+        )
         self._identity.learn(
-            owned,
+            [(self._tracks[i], j) for i, j in pairs],
             [(self._tracks[i], self._tracks[k]) for i, k in met],
-            {id(track) for track in known},
-            frame.looks,
-            alone,
+            {id(track) for track in self._tracks + self._recall.lost},
+            frame,
             (t_s, self._elapsed_s),
         )
 

@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from services.tracker.given_boxes.contacts import Contacts
-from services.tracker.given_boxes.geometry import (
-    FloatArray,
-    box_area,
-    crowding,
-    intersection_area,
-)
+from services.tracker.given_boxes.frame import FrameBoxes
+from services.tracker.given_boxes.geometry import FloatArray, crowding
 from services.tracker.given_boxes.looks import LookModel
 from services.tracker.given_boxes.settings import AppearanceSettings
 from services.tracker.given_boxes.track import Track
 
-_COMPANY = 0.5  # share of a missing person expected inside a box that may show them, too
 _DOUBTED = 0.9  # identity confidence from which on a doubt is settled
 _MOST_ALIKE = 3.0  # log odds by which another's look can count for more than one's own
 
@@ -36,23 +29,6 @@ class Identity:
     def open(self, track: Track) -> bool:
         """Whether it is not decided who this is."""
         return self._contacts.among(track)
-
-    def alone(self, boxes: FloatArray, unseen: Sequence[Track]) -> NDArray[np.bool_]:
-        """Whether (M, 4) boxes show one person only, (M,).
-
-        Not if another box overlaps them, nor if somebody is missing who is expected inside: one box
-        may stand for both.
-
-        Args:
-            boxes: xyxy pixels.
-            unseen: who was seen lately and has no box.
-        """
-        clear = crowding(boxes) <= self._settings.clear
-        if not unseen or not len(boxes):
-            return np.asarray(clear)
-        expected = np.stack([track.box() for track in unseen])
-        inside = intersection_area(expected, boxes) / box_area(expected)[:, None]
-        return np.asarray(clear & (inside < _COMPANY).all(axis=0))
 
     def log_odds(self, tracks: list[Track], boxes: FloatArray, looks: FloatArray) -> FloatArray:
         """Log odds (N, M) that (M, 4) boxes of (M, D) looks are of the tracks, less in a crowd."""
@@ -81,8 +57,7 @@ class Identity:
         self,
         pairs: list[tuple[Track, int]],
         known: list[Track],
-        looks: FloatArray,
-        alone: NDArray[np.bool_],
+        frame: FrameBoxes,
         elapsed_s: float,
     ) -> None:
         """Let looks settle a doubt that no meeting of two people keeps open.
@@ -98,10 +73,12 @@ class Identity:
         Args:
             pairs: tracks and the indices of their boxes.
             known: everybody in sight or remembered.
-            looks: (M, D) of the boxes.
-            alone: (M,) whether a box shows one person only.
+            frame: boxes and looks; without looks nothing is settled.
             elapsed_s: since the frame before.
         """
+        if frame.looks is None:
+            return
+        alone = crowding(frame.boxes) <= self._settings.clear
         for track, j in pairs:
             if track.confidence >= _DOUBTED:
                 track.vouched = None
@@ -111,7 +88,7 @@ class Identity:
                 continue
             others = [one for one in known if one is not track and one.confirmed]
             galleries = [one.vouched or one.gallery for one in [track, *others]]
-            odds = self.model.compare(galleries, looks[j][None])[:, 0]
+            odds = self.model.compare(galleries, frame.looks[j][None])[:, 0]
             evidence = max(float(odds[0]) - float(odds[1:].max(initial=0.0)), 0.0)
             doubt = (1 - track.confidence) / max(track.confidence, 1e-9)
             doubt *= math.exp(-self._settings.reassure * min(evidence, _MOST_ALIKE) * elapsed_s)
@@ -126,8 +103,7 @@ class Identity:
         pairs: list[tuple[Track, int]],
         met: list[tuple[Track, Track]],
         known: set[int],
-        looks: FloatArray,
-        alone: NDArray[np.bool_],
+        frame: FrameBoxes,
         times_s: tuple[float, float],
     ) -> None:
         """Take in one frame.
@@ -136,16 +112,18 @@ class Identity:
             pairs: tracks and the indices of their boxes.
             met: pairs of tracks that can be taken for each other.
             known: `id()` of every track in sight or remembered.
-            looks: (M, D) of the boxes.
-            alone: (M,) whether a box shows one person only.
+            frame: boxes and looks; without looks nothing is learned.
             times_s: now, and the time since the frame before.
         """
+        if frame.looks is None:
+            return
         t_s, elapsed_s = times_s
         for first, second in met:
             if first.confirmed and second.confirmed:
                 self._contacts.touch(first, second, t_s)
+        alone = crowding(frame.boxes) <= self._settings.clear
         clear = [(track, j) for track, j in pairs if alone[j]]
-        tracks, looks = [track for track, _ in clear], looks[[j for _, j in clear]]
+        tracks, looks = [track for track, _ in clear], frame.looks[[j for _, j in clear]]
         self._contacts.decide(tracks, looks, known, t_s, elapsed_s)
         # Who may be somebody else teaches nothing: the gallery is what settles it.
         decided = [k for k, track in enumerate(tracks) if not self._contacts.among(track)]

@@ -7,7 +7,8 @@ import pytest
 
 from services.tracker.given_boxes.appearance import LOOK_LENGTH, cut_out, describe, distances
 from services.tracker.given_boxes.contacts import Contacts
-from services.tracker.given_boxes.geometry import FloatArray, boxes_to_measurements
+from services.tracker.given_boxes.frame import FrameBoxes
+from services.tracker.given_boxes.geometry import FloatArray
 from services.tracker.given_boxes.identity import Identity
 from services.tracker.given_boxes.looks import Gallery, LookModel, nearest_views
 from services.tracker.given_boxes.settings import AppearanceSettings
@@ -16,6 +17,7 @@ from tests.unit.tracker.drawn_detections import BLUE, GREEN, RED, Colours, patch
 
 ALMOST_RED: Colours = ((32, 34, 197), (62, 51, 42))
 SETTINGS = AppearanceSettings()
+BOX = np.array([[100.0, 100.0, 180.0, 300.0]])
 
 
 def looks(colours: Colours, count: int, seed: int = 0) -> FloatArray:
@@ -169,9 +171,9 @@ def doubted(seen: Colours, other: Colours, seconds: float = 4.0) -> Track:
     track.confidence = 0.5
     known = [track, missing]
     for k in range(round(10 * seconds)):
-        look, alone, everybody = looks(seen, 1, 500 + k), np.array([True]), {id(o) for o in known}
-        identity.reassure([(track, 0)], known, look, alone, 0.1)
-        identity.learn([(track, 0)], [], everybody, look, alone, (0.1 * k, 0.1))
+        frame = FrameBoxes(BOX, np.ones(1), np.ones(1), looks(seen, 1, 500 + k))
+        identity.reassure([(track, 0)], known, frame, 0.1)
+        identity.learn([(track, 0)], [], {id(one) for one in known}, frame, (0.1 * k, 0.1))
     return track
 
 
@@ -197,25 +199,3 @@ def test_who_is_in_doubt_goes_on_being_learned_but_that_does_not_settle_the_doub
     assert nearest_views([track.gallery], view)[0, 0] < 0.3
     assert track.vouched is not None
     assert nearest_views([track.vouched], view)[0, 0] > 0.4
-
-
-@pytest.mark.parametrize(
-    ("other_box", "missing", "alone"),
-    [
-        (None, None, True),
-        ((300.0, 100.0, 380.0, 300.0), None, True),
-        ((140.0, 100.0, 220.0, 300.0), None, False),
-        (None, (110.0, 90.0, 180.0, 260.0), False),
-        (None, (170.0, 100.0, 250.0, 300.0), True),
-    ],
-    ids=["nobody", "far", "overlapping", "missing inside", "missing beside"],
-)
-def test_a_box_shows_one_person_only_if_nobody_else_may_be_in_it(
-    other_box: tuple[float, ...] | None, missing: tuple[float, ...] | None, alone: bool
-) -> None:
-    boxes = np.array([(100.0, 100.0, 180.0, 300.0), *([other_box] if other_box else [])])
-    unseen = []
-    if missing is not None:
-        unseen.append(person(2, GREEN))
-        unseen[0].mean[:, 0] = boxes_to_measurements(np.array([missing]))[0]
-    assert bool(Identity(SETTINGS).alone(boxes, unseen)[0]) == alone
