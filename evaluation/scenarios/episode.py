@@ -58,10 +58,9 @@ def load_stack(
     Raises:
         SettingsError: as `load_settings`.
     """
-    flags: dict[str, object] = {"detector": detector_name, "model": model}
-    given = {name: value for name, value in flags.items() if value is not None}
+    flags = {"detector": detector_name, "model": model}
     detector: Loaded[DetectorServiceSettings] = load_settings(
-        "detector", DetectorServiceSettings, {"detector": given}, file
+        "detector", DetectorServiceSettings, {"detector": flags}, file
     )
     tracker: Loaded[TrackerServiceSettings] = load_settings(
         "tracker", TrackerServiceSettings, {}, file

@@ -21,67 +21,60 @@ if TYPE_CHECKING:
     from evaluation.scenarios.report import EpisodeResult, Mode, ScenarioReport
 
 
+_Episodes = Annotated[int, typer.Option(min=1, max=100_000, help="how many, the scenarios in turn")]
+_Seed = Annotated[
+    int, typer.Option(min=0, help="of the first world of each scenario; the others count up")
+]
+_Jobs = Annotated[int | None, typer.Option(min=1, max=256, help="processes [default: one a core]")]
+_Scenario = Annotated[
+    list[str] | None,
+    typer.Option(help="only this one; may be repeated [default: all]", metavar="NAME"),
+]
+_Boxes = Annotated[
+    bool,
+    typer.Option(
+        "--boxes/--pixels",
+        help="the simulator's own person boxes with realistic errors, which is never the full "
+        "stack; or rendered pictures and the detector",
+    ),
+]
+_Detector = Annotated[
+    str | None, typer.Option(help="--pixels: how people are found: auto, mixture, ego, onnx")
+]
+_Model = Annotated[
+    Path | None, typer.Option(help="--pixels: ONNX network that finds people", metavar="FILE")
+]
+_Processes = Annotated[
+    bool,
+    typer.Option(
+        "--processes",
+        help="through the real processes, in real time and one at a time, instead of their "
+        "cores on a simulated clock",
+    ),
+]
+_Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
+_Out = Annotated[
+    Path | None,
+    typer.Option(help="folder for a picture and the scores of every episode", metavar="DIR"),
+]
+_Video = Annotated[
+    bool, typer.Option("--video", help="also what the robot sees, as DIR/*.mp4; renders")
+]
+_Config = Annotated[Path | None, typer.Option(help="settings file (TOML)", metavar="FILE")]
+
+
 def scenarios(
-    episodes: Annotated[
-        int, typer.Option(min=1, max=100_000, help="how many, the scenarios in turn")
-    ] = 42,
-    seed: Annotated[
-        int, typer.Option(min=0, help="of the first world of each scenario; the others count up")
-    ] = 0,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, max=256, help="processes [default: one a core]")
-    ] = None,
-    scenario: Annotated[
-        list[str] | None,
-        typer.Option(help="only this one; may be repeated [default: all]", metavar="NAME"),
-    ] = None,
-    boxes: Annotated[
-        bool,
-        typer.Option(
-            "--boxes/--pixels",
-            help="the simulator's own person boxes with realistic errors, which is never the full "
-            "stack; or rendered pictures and the detector",
-        ),
-    ] = True,
-    detector: Annotated[
-        str | None, typer.Option(help="--pixels: how people are found: auto, mixture, ego, onnx")
-    ] = None,
-    model: Annotated[
-        Path | None,
-        typer.Option(help="--pixels: ONNX network that finds people", metavar="FILE"),
-    ] = None,
-    processes: Annotated[
-        bool,
-        typer.Option(
-            "--processes",
-            help="through the real processes, in real time and one at a time, instead of their "
-            "cores on a simulated clock",
-        ),
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="folder for a picture and the scores of every episode", metavar="DIR"),
-    ] = None,
-    video: Annotated[
-        bool, typer.Option("--video", help="also what the robot sees, as DIR/*.mp4; renders")
-    ] = False,
-    config: Annotated[
-        Path | None, typer.Option(help="settings file (TOML)", metavar="FILE")
-    ] = None,
-) -> None:
+    episodes: _Episodes = 42, seed: _Seed = 0, jobs: _Jobs = None, scenario: _Scenario = None,
+    boxes: _Boxes = True, detector: _Detector = None, model: _Model = None,
+    processes: _Processes = False, as_json: _Json = False, out: _Out = None,
+    video: _Video = False, config: _Config = None,
+) -> None:  # fmt: skip
     """Follow people through simulated scenarios, and score it."""
     from evaluation.scenarios.parallel import spread
     from services.simulator.scenarios import SCENARIOS
 
     names = scenario or list(SCENARIOS)
-    if unknown := [name for name in names if name not in SCENARIOS]:
-        raise SettingsError(f"no scenario {unknown[0]!r}: choose of {', '.join(SCENARIOS)}")
-    if video and out is None:
-        raise SettingsError("--video writes its films into a folder: give --out DIR, too")
-    if processes and (video or not boxes):
-        raise SettingsError("--processes runs on simulated boxes and films nothing: leave out "
-                            "--pixels and --video")  # fmt: skip
+    _check(names, boxes, processes, video, out)
     if boxes and (detector is not None or model is not None):
         raise SettingsError("--detector and --model look at pixels, and the people here are the "
                             "simulator's own boxes: add --pixels")  # fmt: skip
@@ -94,6 +87,18 @@ def scenarios(
     from evaluation.scenarios.episode import load_stack
 
     _run_cores(tasks, seed, load_stack(mode, config, detector, model), jobs, as_json, out)
+
+
+def _check(names: list[str], boxes: bool, processes: bool, video: bool, out: Path | None) -> None:
+    from services.simulator.scenarios import SCENARIOS
+
+    if unknown := [name for name in names if name not in SCENARIOS]:
+        raise SettingsError(f"no scenario {unknown[0]!r}: choose of {', '.join(SCENARIOS)}")
+    if video and out is None:
+        raise SettingsError("--video writes its films into a folder: give --out DIR, too")
+    if processes and (video or not boxes):
+        raise SettingsError("--processes runs on simulated boxes and films nothing: leave out "
+                            "--pixels and --video")  # fmt: skip
 
 
 def _run_cores(

@@ -18,6 +18,7 @@ from schemas import (
     Tracks,
 )
 from schemas.follow import FollowStateName
+from services.follower.clearance import Sectors
 from services.follower.controller import Goal, VelocityController
 from services.follower.own_motion import OwnMotion
 from services.follower.people import People
@@ -93,8 +94,9 @@ class Follower:
             ranges: what a range sensor sees around the robot now.
             now_s: time of arrival, on the clock of `step`.
         """
-        self._surroundings.observe(ranges, now_s)
-        self._people.observe(ranges, now_s)
+        sectors = Sectors(ranges)
+        self._surroundings.observe(sectors, now_s)
+        self._people.observe(sectors, now_s)
 
     def observe_odometry(self, odometry: Odometry, now_s: float) -> None:
         """Take the robot's own motion; without it the commands stand for it.

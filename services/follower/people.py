@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas import CameraInfo, Ranges, Track, Tracks
+from schemas import CameraInfo, Track, Tracks
 from services.follower.clearance import Sectors
 from services.follower.estimate import PlaceFilter, polar_covariance
 from services.follower.own_motion import OwnMotion
@@ -75,9 +75,9 @@ class People:
         """Those seen well within the last moments, and the one who is kept."""
         return self._known
 
-    def observe(self, ranges: Ranges, now_s: float) -> None:
+    def observe(self, sectors: Sectors, now_s: float) -> None:
         """Take free distances at their arrival: they also tell how far people are."""
-        self._ranges = RangesInTime(Sectors(ranges), now_s)
+        self._ranges = RangesInTime(sectors, now_s)
 
     def update(self, tracks: Tracks, t_s: float, motion: OwnMotion, keep: int | None) -> None:
         """Take a frame's tracks.

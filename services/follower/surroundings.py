@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from schemas import Ranges
 from services.follower.clearance import BODY_M, Body, Sectors, room_before_person_m
 from services.follower.own_motion import Pose
 from services.follower.people import People
@@ -32,9 +31,9 @@ class Surroundings:
         self._sectors: Sectors | None = None
         self._arrived_s = -math.inf
 
-    def observe(self, ranges: Ranges, now_s: float) -> None:
+    def observe(self, sectors: Sectors, now_s: float) -> None:
         """Take free distances at their arrival."""
-        self._sectors, self._arrived_s = Sectors(ranges), now_s
+        self._sectors, self._arrived_s = sectors, now_s
 
     def stale(self, now_s: float) -> bool:
         """Whether there were ranges once and they are too old now."""
@@ -49,7 +48,7 @@ class Surroundings:
 
     def room_m(
         self, people: People, target_id: int | None, pose: Pose, now_s: float,
-        angular_radps: float, seen: bool = True,
+        angular_radps: float, seen: bool,
     ) -> tuple[float, float]:  # fmt: skip
         """How far the robot may go ahead and back, infinite where nothing says otherwise.
 
@@ -86,9 +85,8 @@ class Surroundings:
         range_m = None if self._sectors is None else self._sectors.towards_m(bearing_rad)
         if range_m is None or range_m + BODY_M >= distance_m:
             return place
-        return (range_m + BODY_M) * math.cos(bearing_rad), (range_m + BODY_M) * math.sin(
-            bearing_rad
-        )
+        share = (range_m + BODY_M) / distance_m
+        return place[0] * share, place[1] * share
 
     def sidestep_rad(
         self, people: People, target_id: int | None, way: Pose, now_s: float, linear_mps: float

@@ -203,7 +203,7 @@ def load_settings(
     Args:
         service: the service's table name.
         model: its settings model.
-        flags: table name to flag values; only what the user really gave.
+        flags: table name to flag values; None is a flag that was not given.
         file: TOML file; None means `HEEL_CONFIG` if that is set, else no file.
 
     Raises:
@@ -223,7 +223,10 @@ def load_settings(
     )
     merged.file_tables = tables
     try:
-        given: dict[str, Any] = {name: dict(table) for name, table in flags.items() if table}
+        given: dict[str, Any] = {}
+        for name, table in flags.items():
+            if said := {flag: value for flag, value in table.items() if value is not None}:
+                given[name] = said
         values = merged(**given)
     except ValidationError as error:
         raise SettingsError(_explain(error, service, model)) from None
