@@ -61,6 +61,7 @@ class BoxTracker:
         self._tracks: list[Track] = []
         self._identity = Identity(self.settings.appearance)
         self._recall = Recall(self.settings, self._identity.model, image_size)
+        self._least_height_px = self.settings.life.least_height * (image_size or (0, 0))[1]
         self._carried = False
         self._carrier = Carrier()
         self._scale = ScoreScale()
@@ -315,9 +316,18 @@ class BoxTracker:
         self._tracks = [track for track in self._tracks if id(track) not in known]
         self._recall.lost = [track for track in self._recall.lost if id(track) not in known]
         for track in self._tracks:
-            if track.seen_s == t_s and track.ready(life):
+            if track.seen_s == t_s and track.ready(life) and self._near_enough(track):
                 track.confirmed = True
                 track.track_id = track.track_id or self._new_id()
+
+    def _near_enough(self, track: Track) -> bool:
+        """Whether somebody is known already, or tall enough, or nobody taller is in sight."""
+        if track.track_id or track.height_px() >= self._least_height_px:
+            return True
+        return not any(
+            other.confirmed and other.height_px() >= self._least_height_px
+            for other in self._tracks
+        )
 
     def _new_id(self) -> int:
         self.next_id += 1

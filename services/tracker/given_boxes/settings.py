@@ -228,6 +228,13 @@ class LifeSettings(StrictSettings):
     walk: float = Field(
         0.7, ge=0, le=100, description="Distance from its birthplace that makes a walker [heights]"
     )
+    least_height: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        description="Height below which a newcomer is too far away to be shown while somebody "
+        "nearer is in sight [picture heights]",
+    )
     score_memory_s: float = Field(1.0, gt=0, le=60, description="Memory of the mean score [s]")
     coast_s: float = Field(
         0.0, ge=0, le=60, description="Time without a box during which a track is still shown [s]"

@@ -148,6 +148,10 @@ class Track:
             and self.mean_score >= (life.walker_score if self.walked else life.shown_score)
         )
 
+    def height_px(self) -> float:
+        """Filtered height."""
+        return math.exp(self.mean[2, 0])
+
     def box(self) -> FloatArray:
         """Filtered box, (4,) xyxy pixels."""
         # One person at a time: numbers are five times as fast as arrays here.
