@@ -104,7 +104,10 @@ class BoxTracker:
         self._births(frame, [j for j in range(len(frame.boxes)) if j not in used], t_s)
         self._deaths(t_s, pictures=looks is not None)
         self._confirm(t_s, pictures=looks is not None)
-        return [track.output(t_s, self.settings.life, looks is not None) for track in self._tracks]
+        return [
+            track.output(t_s, self.settings.life, looks is not None, self._recall.at_side(track))
+            for track in self._tracks
+        ]
 
     def _learn(
         self,

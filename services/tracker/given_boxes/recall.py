@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.tracker.given_boxes.geometry import FloatArray
 from services.tracker.given_boxes.looks import LookModel
@@ -79,8 +80,16 @@ class Recall:
 
     def at_edge(self, track: Track) -> bool:
         """Whether the person is where people come and go."""
+        return bool(self._near_edges(track).any())
+
+    def at_side(self, track: Track) -> bool:
+        """The same for left and right alone: near people reach the lower edge all the time."""
+        return bool(self._near_edges(track)[::2].any())
+
+    def _near_edges(self, track: Track) -> NDArray[np.bool_]:
+        """Which of left, top, right and lower edge, (4,), somebody is at."""
         if self._image_size is None:
-            return False
+            return np.zeros(4, bool)
         box = track.box()
         inside = np.concatenate([box[:2], np.array(self._image_size) - box[2:]])
-        return bool((inside < self._settings.life.edge * (box[2] - box[0])).any())
+        return np.asarray(inside < self._settings.life.edge * (box[2] - box[0]))

@@ -160,11 +160,19 @@ class Track:
         half_width = half_height * math.exp(log_aspect)
         return np.array([x - half_width, y - half_height, x + half_width, y + half_height])
 
-    def output(self, t_s: float, life: LifeSettings, pictures: bool) -> TrackOutput:
-        """What a user is told at `t_s`; `pictures`: whether looks are known."""
+    def output(
+        self, t_s: float, life: LifeSettings, pictures: bool, at_side: bool
+    ) -> TrackOutput:
+        """What a user is told.
+
+        Args:
+            t_s: now. life: when a track is shown. pictures: whether looks are known.
+            at_side: whether it is at the picture's side: without a box there, it has left.
+        """
         unseen_s = t_s - self.seen_s
         least = life.walker_score if self.walked else life.hidden_score
-        shown = self.confirmed and unseen_s <= life.coast_s + _EPSILON_S
+        coast_s = 0.0 if at_side else life.coast_s
+        shown = self.confirmed and unseen_s <= coast_s + _EPSILON_S
         confidence = self.confidence
         if not pictures:
             # Fitted by least squares on 8 sequences; left-out sequences keep to it (see
