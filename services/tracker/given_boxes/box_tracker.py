@@ -328,8 +328,7 @@ class BoxTracker:
         if track.track_id or track.height_px() >= self._least_height_px:
             return True
         return not any(
-            other.confirmed and other.height_px() >= self._least_height_px
-            for other in self._tracks
+            other.confirmed and other.height_px() >= self._least_height_px for other in self._tracks
         )
 
     def _new_id(self) -> int:

@@ -17,7 +17,9 @@ from services.tracker.given_boxes.settings import (
 from services.tracker.given_boxes.track import TrackOutput
 
 PEOPLE_SETTINGS = BoxTrackerSettings(
-    life=LifeSettings(shown_score=0.85, hidden_score=0.6, coast_s=0.15, least_height=0.08),
+    life=LifeSettings(
+        shown_score=0.85, birth_score=0.5, hidden_score=0.4, coast_s=0.15, least_height=0.08
+    ),
     memory=MemorySettings(trust=0.75),
     appearance=AppearanceSettings(most_against_present=3.0, reassure=1.0),
 )

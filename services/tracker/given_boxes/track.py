@@ -160,9 +160,7 @@ class Track:
         half_width = half_height * math.exp(log_aspect)
         return np.array([x - half_width, y - half_height, x + half_width, y + half_height])
 
-    def output(
-        self, t_s: float, life: LifeSettings, pictures: bool, at_side: bool
-    ) -> TrackOutput:
+    def output(self, t_s: float, life: LifeSettings, pictures: bool, at_side: bool) -> TrackOutput:
         """What a user is told.
 
         Args:
