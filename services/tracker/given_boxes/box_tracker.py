@@ -312,23 +312,24 @@ class BoxTracker:
         if stands and not self._carried:
             for track in self._tracks:
                 track.walked = track.walked or track.walked_by() > life.walk
-        found = self._recall.recognised(self._tracks, t_s, stands, pictures)
+        near = [track for track in self._tracks if track.confirmed or self._near_enough(track)]
+        found = self._recall.recognised(near, t_s, stands, pictures)
         for newcomer, old, probability in found:
             newcomer.become(old, probability)
         known = {id(old) for _, old, _ in found}
         self._tracks = [track for track in self._tracks if id(track) not in known]
         self._recall.lost = [track for track in self._recall.lost if id(track) not in known]
-        for track in self._tracks:
-            if track.seen_s == t_s and track.ready(life) and self._near_enough(track):
+        for track in near:
+            if track.seen_s == t_s and track.ready(life):
                 track.confirmed = True
                 track.track_id = track.track_id or self._new_id()
 
     def _near_enough(self, track: Track) -> bool:
-        """Whether somebody is known already, or tall enough, or nobody taller is in sight."""
-        if track.track_id or track.height_px() >= self._least_height_px:
-            return True
-        return not any(
-            other.confirmed and other.height_px() >= self._least_height_px for other in self._tracks
+        """Whether a newcomer is tall enough, or nobody else who is so is in sight."""
+        least_px, life = self._least_height_px, self.settings.life
+        return track.height_px() >= least_px or not any(
+            other.height_px() >= least_px and (other.confirmed or other.ready(life))
+            for other in self._tracks
         )
 
     def _new_id(self) -> int:
