@@ -13,8 +13,9 @@ _EDGE_SHARE = 0.01
 """Boxes nearer to the edge of a view than this share of its height are cut off by it."""
 _SAME_IOU = 0.4
 _AGREE_IOU = 0.6
-"""From this overlap on the two boxes of both looks are averaged. On six recordings of people 40 to
-150 pixels high that halves the share of boxes that miss their person (IoU below 0.5)."""
+"""From this overlap on the boxes of both looks are averaged. Of 2571 people seen in both looks on
+PETS09-S2L1, 3.5 % of the closer boxes miss their person (IoU below 0.5) and 2.9 % of the means; of
+106 on Human3 1.9 and 0.9 %, of 79 on Crossing 3.8 and 0 %, of 206 on UAV-person11 10.7 % of both."""
 _FRAGMENT = 0.7
 """A box of a view with this share of its area inside somebody larger is a piece of them."""
 
@@ -46,9 +47,9 @@ def look(
 def together(whole: Detections, close: Detections, part: View) -> Detections:
     """Both looks as one, everybody once, best first.
 
-    Who is seen in both is where both say on the average, by scores: their errors differ (see
-    `_mean_boxes`). Where the two hardly agree, the closer look counts alone: of small people the
-    whole frame often shows the upper half, with as good a score.
+    Who is seen in both is where both say on the average, by scores: their errors differ. Where the
+    two hardly agree, the closer look counts alone: of small people the whole frame often shows the
+    upper half, with as good a score.
     """
     if len(whole.boxes) and len(close.boxes):
         beyond = np.array([not part.holds((a, b, c, d)) for a, b, c, d in whole.boxes.tolist()])
@@ -64,7 +65,7 @@ def together(whole: Detections, close: Detections, part: View) -> Detections:
 
 
 def _meant(whole: Detections, close: Detections) -> tuple[Detections, Detections]:
-    """What only the whole frame shows, and what the closer look shows, where both looks say."""
+    """Who is in the whole frame alone, and who is in the closer look, averaged over both."""
     overlap = iou(whole.boxes, close.boxes)
     same = overlap >= _SAME_IOU
     partner = np.where(same, whole.scores[:, None], 0.0).argmax(axis=0)
