@@ -10,7 +10,7 @@ from schemas.base import Message
 from schemas.blobs import Blob, Blobs, CameraMotion, Evidence, Patch
 from schemas.codec import decode, encode
 from schemas.errors import HeelError, KeyNameError, MessageError, SettingsError, SourceError
-from schemas.follow import EStop, FollowState, MotionCommand, Target, TargetRequest
+from schemas.follow import EStop, FollowState, MotionCommand, Pointed, Target, TargetRequest
 from schemas.frame import CameraInfo, EndOfStream, FrameId, Header, Progress, Stamp
 from schemas.health import Health
 from schemas.robot import DriveState, Odometry, Ranges, RangeSector
@@ -18,7 +18,7 @@ from schemas.simulation import Pose, SimObstacle, SimPerson, SimTruth, SimWorld
 from schemas.tracks import Track, Tracks
 
 MESSAGES: tuple[type[Message], ...] = (
-    Header, Stamp, CameraInfo, Blobs, Tracks, MotionCommand, TargetRequest, Target, EStop,
+    Header, Stamp, CameraInfo, Blobs, Tracks, MotionCommand, TargetRequest, Target, Pointed, EStop,
     FollowState, Odometry, Ranges, DriveState, SimTruth, SimWorld, Health, EndOfStream, Progress,
 )  # fmt: skip
 """Every message type, in the order of the documentation."""
@@ -26,7 +26,7 @@ MESSAGES: tuple[type[Message], ...] = (
 __all__ = [
     "MESSAGES", "Blob", "Blobs", "CameraInfo", "CameraMotion", "DriveState", "EStop", "EndOfStream",
     "Evidence", "FollowState", "FrameId", "Header", "Health", "HeelError", "KeyNameError",
-    "Message", "MessageError", "MotionCommand", "Odometry", "Patch", "Pose", "Progress",
+    "Message", "MessageError", "MotionCommand", "Odometry", "Patch", "Pointed", "Pose", "Progress",
     "RangeSector", "Ranges", "SettingsError", "SimObstacle", "SimPerson", "SimTruth", "SimWorld",
     "SourceError", "Stamp", "Target", "TargetRequest", "Track", "Tracks", "decode", "encode",
 ]  # fmt: skip

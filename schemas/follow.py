@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from schemas.base import (
     Count,
+    Dimension,
     Flag,
     Fraction,
     Message,
@@ -82,6 +83,19 @@ class Target(Message):
     track_id: PersonId | None = None
     tracker: Producer | None = None
     reason: Text = ""
+
+
+class Pointed(Message):
+    """A choice by a point at which nobody is tracked: the detector may look there."""
+
+    schema_name: ClassVar[str] = "pointed"
+    max_bytes: ClassVar[int] = 1024
+
+    frame: FrameId = Field(description="the newest tracks when it was chosen")
+    width: Dimension = Field(description="of the frame, pixels")
+    height: Dimension
+    x_px: Real
+    y_px: Real
 
 
 class EStop(Message):

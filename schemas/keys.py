@@ -15,6 +15,7 @@ _CHUNK = re.compile(r"[a-z0-9_-]{1,64}")
 FOLLOW_COMMAND = "follow/command"
 FOLLOW_STATE = "follow/state"
 FOLLOW_TARGET = "follow/target"
+FOLLOW_POINTED = "follow/pointed"
 FOLLOW_ESTOP = "follow/estop"
 ROBOT_ODOMETRY = "robot/odometry"
 ROBOT_RANGE = "robot/range"

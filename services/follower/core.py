@@ -11,6 +11,7 @@ from schemas import (
     FrameId,
     MotionCommand,
     Odometry,
+    Pointed,
     Ranges,
     Target,
     TargetRequest,
@@ -111,11 +112,26 @@ class Follower:
         """Choose or clear the target.
 
         Raises:
-            TargetError: nobody is there, or the id is unknown or another tracker's.
+            NobodyThereError: nobody is tracked at the point.
+            TargetError: the id is unknown or another tracker's.
         """
         if self._choice.request(request, self._tracks):
             self._begin()
         return self.target
+
+    def pointed(self, request: TargetRequest) -> Pointed | None:
+        """What a refused choice by a point says to the detector: somebody may be there.
+
+        Args:
+            request: for which `choose` has just raised `NobodyThereError`.
+        """
+        tracks = self._tracks
+        if tracks is None or request.x_px is None or request.y_px is None:
+            return None
+        return Pointed(
+            frame=FrameId(**tracks.model_dump(include=set(FrameId.model_fields))),
+            width=tracks.width, height=tracks.height, x_px=request.x_px, y_px=request.y_px,
+        )  # fmt: skip
 
     def step(self, now_s: float, tracks_age_s: float | None) -> MotionCommand:
         """The command of this moment.

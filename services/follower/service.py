@@ -26,6 +26,7 @@ from schemas import (
     MotionCommand,
     Odometry,
     Ranges,
+    Target,
     TargetRequest,
     Tracks,
     decode,
@@ -34,6 +35,7 @@ from schemas import (
 )
 from services.follower.core import Follower
 from services.follower.settings import FollowerServiceSettings
+from services.follower.target import NobodyThereError
 from services.runtime import qos
 from services.runtime.inbox import Arrival
 from services.runtime.publishing import Latched
@@ -80,6 +82,10 @@ class FollowerService:
         self._target_out = session.declare_publisher(
             keys.FOLLOW_TARGET, priority=qos.TARGET.priority,
             congestion_control=qos.TARGET.congestion,
+        )  # fmt: skip
+        self._pointed_out = session.declare_publisher(
+            keys.FOLLOW_POINTED, priority=qos.POINTED.priority,
+            congestion_control=qos.POINTED.congestion,
         )  # fmt: skip
         queryable = session.declare_queryable(keys.FOLLOW_TARGET, self._answer)
         resources.callback(queryable.undeclare)
@@ -238,12 +244,22 @@ class FollowerService:
                     target = self._follower.target
                 else:
                     request = decode(TargetRequest, query.payload.to_bytes())
-                    with self._lock:
-                        target = self._follower.choose(request)
+                    target = self._choose(request)
             except HeelError as error:
                 query.reply_err(str(error), encoding=zenoh.Encoding.TEXT_PLAIN)
                 return
             query.reply(keys.FOLLOW_TARGET, encode(target), encoding=target.encoding())
+
+    def _choose(self, request: TargetRequest) -> Target:
+        """Choose; a point at which nobody is tracked is told to the detector besides."""
+        with self._lock:
+            try:
+                return self._follower.choose(request)
+            except NobodyThereError:
+                pointed = self._follower.pointed(request)
+                if pointed is not None and self._live:
+                    self._pointed_out.put(encode(pointed), encoding=pointed.encoding())
+                raise
 
     def _stop_robot(self) -> None:
         """Zero velocity on every way out; the robot's own watchdog covers the rest."""

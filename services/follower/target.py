@@ -14,6 +14,10 @@ class TargetError(HeelError):
     """A target that cannot be chosen."""
 
 
+class NobodyThereError(TargetError):
+    """A point at which nobody is tracked."""
+
+
 class TargetChoice:
     """Keeps the target; a chosen id changes only on request or when its tracker is replaced."""
 
@@ -55,7 +59,7 @@ class TargetChoice:
         else:
             track = self._requested(request, tracks)
             if track is None and request.mode != "nearest":
-                raise TargetError(_not_found(request))
+                raise _not_found(request)
             reason = self._waiting["nearest"] if track is None else "chosen"
             self._set(request.mode, None if track is None else track.id, reason)
         return self.target.track_id is None or self.target.track_id != before
@@ -104,7 +108,12 @@ class TargetChoice:
         )  # fmt: skip
 
 
-def _not_found(request: TargetRequest) -> str:
+def _not_found(request: TargetRequest) -> TargetError:
     if request.mode == "id":
-        return f"nobody has id {request.track_id} now: see `heel status` for the ids in sight"
-    return f"nobody at ({request.x_px:g}, {request.y_px:g}): click on a person's box"
+        return TargetError(
+            f"nobody has id {request.track_id} now: see `heel status` for the ids in sight"
+        )
+    return NobodyThereError(
+        f"nobody is tracked at ({request.x_px:g}, {request.y_px:g}): click on a person's box, or "
+        "again when the person there has got one"
+    )

@@ -21,6 +21,7 @@ from schemas import (
     Health,
     MotionCommand,
     Odometry,
+    Pointed,
     Progress,
     Ranges,
     SimTruth,
@@ -71,6 +72,7 @@ ESTOP = TopicQos(_P.REAL_TIME, _BLOCK, True, 8, EStop.max_bytes)
 INFO = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, CameraInfo.max_bytes)
 STATE = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, FollowState.max_bytes)
 TARGET = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, Target.max_bytes)
+POINTED = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 1, Pointed.max_bytes)
 PROGRESS = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, True, LOSSLESS_CAPACITY, Progress.max_bytes)
 ODOMETRY = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Odometry.max_bytes)
 RANGES = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Ranges.max_bytes)

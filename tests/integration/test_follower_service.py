@@ -9,7 +9,17 @@ from contextlib import ExitStack
 import pytest
 import zenoh
 
-from schemas import FollowState, Message, Odometry, Ranges, Stamp, TargetRequest, encode, keys
+from schemas import (
+    FollowState,
+    Message,
+    Odometry,
+    Pointed,
+    Ranges,
+    Stamp,
+    TargetRequest,
+    encode,
+    keys,
+)
 from schemas.codec import decode
 from schemas.robot import RangeSector
 from tests.support import network
@@ -100,3 +110,17 @@ def test_ranges_and_camera_reach_the_core_and_their_end_stops_the_robot(robot: R
     ended = robot.until("the end of ranges", lambda state: state.state == "stopped")
     assert ended.reason.startswith("ranges are older than")
     assert (ended.linear_mps, ended.angular_radps) == (0.0, 0.0)
+
+
+def test_a_refused_point_is_published_for_the_detector(robot: Robot) -> None:
+    robot.until("a first state", lambda state: state.state == "idle")
+    with network.collected(robot.session, keys.FOLLOW_POINTED) as points:
+        request = TargetRequest(mode="point", x_px=3.0, y_px=4.0)
+        reply = next(
+            iter(robot.session.get(keys.FOLLOW_TARGET, payload=encode(request), timeout=5))
+        )
+        assert reply.err is not None
+        assert b"nobody is tracked at (3, 4)" in reply.err.payload.to_bytes()
+        sample = points.get(timeout=network.DEADLINE_S)
+    pointed = decode(Pointed, sample.payload.to_bytes(), str(sample.encoding))
+    assert (pointed.x_px, pointed.y_px, pointed.frame.stream) == (3.0, 4.0, "front")

@@ -23,6 +23,7 @@ from schemas import (
     MotionCommand,
     Odometry,
     Patch,
+    Pointed,
     Pose,
     Progress,
     Ranges,
@@ -107,6 +108,7 @@ EXAMPLES: tuple[Message, ...] = (
     ),
     TargetRequest(mode="point", x_px=1.5, y_px=0.5, tracker="tracker/main@00ff00ff"),
     _TARGET,
+    Pointed(frame=FrameId(**FRAME), width=640, height=480, x_px=320.5, y_px=200.25),
     EStop(engaged=True, source="web", t_ns=1_700_000_000_000_000_000),
     FollowState(
         seq=10, state="stopped", reason="emergency stop", estop=True, target=_TARGET,
