@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, CameraInfo, FrameId, MotionCommand, Tracks
+from schemas import Blobs, CameraInfo, FrameId, MotionCommand, Pointed, Tracks
 from services.capture.describe import Mounting, mounting
 from services.capture.pixels import fit_to_cap
 from services.capture.scene_source import open_scene
@@ -44,26 +44,29 @@ class InProcessPipeline:
         self._recent: deque[Tracks] = deque(maxlen=detector.feedback_lag_frames)
 
     def step(
-        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
-    ) -> tuple[Blobs, Tracks]:
+        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int],
+        pointed: Pointed | None = None,
+    ) -> tuple[Blobs, Tracks]:  # fmt: skip
         """Process one frame: `detect`, then `track`.
 
         Args:
             frame: which frame this is; seq goes up by one within an epoch.
             image: (H, W, 3) uint8 BGR.
             source_size: width and height before capture scaled the frame, pixels.
+            pointed: where a user pointed at somebody who is not tracked, since the frame before.
         """
-        blobs = self.detect(frame, image, source_size)
+        blobs = self.detect(frame, image, source_size, pointed)
         return blobs, self.track(blobs)
 
     def detect(
-        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
-    ) -> Blobs:
+        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int],
+        pointed: Pointed | None = None,
+    ) -> Blobs:  # fmt: skip
         """Blobs of a frame, protected with the tracks of exactly `lag` frames before."""
         lag = self._detector.settings.feedback_lag_frames
         wanted = (frame.epoch, frame.seq - lag)
         feedback = next((old for old in self._recent if (old.epoch, old.seq) == wanted), None)
-        return self._detector.detect(frame, image, source_size, feedback)
+        return self._detector.detect(frame, image, source_size, feedback, pointed)
 
     def track(self, blobs: Blobs) -> Tracks:
         """Tracks of the frame just detected."""

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from evaluation.scenarios.perception import STREAM, Perception, camera_info
 from evaluation.scenarios.user import User
 from evaluation.scenarios.witness import Moment, Witness
-from schemas import FrameId, MotionCommand, SimTruth, Tracks
+from schemas import FrameId, MotionCommand, SimTruth, Target, TargetRequest, Tracks
 from services.drive.core import Drive
 from services.follower.core import Follower
+from services.follower.target import NobodyThereError
 from services.simulator.state import CameraMount
 from services.simulator.world import World
 
@@ -127,7 +128,15 @@ class ClosedLoop:
         while self._sightings and self._sightings[0].due_ms <= now_ms:
             newest = self._newest = self._sightings.popleft()
             self._follower.observe(newest.tracks, _TRACKER)
-            self._user.act(now_s, self._follower.choose, newest.truth, newest.people_by_track)
+            self._user.act(now_s, self._choose, newest.truth, newest.people_by_track)
+
+    def _choose(self, request: TargetRequest) -> Target:
+        try:
+            return self._follower.choose(request)
+        except NobodyThereError:
+            if (pointed := self._follower.pointed(request)) is not None:
+                self._perception.point(pointed)
+            raise
 
     def _record(self) -> None:
         on = {} if self._newest is None else self._newest.people_by_track

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from schemas import CameraInfo, FrameId, Tracks
+from schemas import CameraInfo, FrameId, Pointed, Tracks
 from services.simulator.boxes import SimulatedDetector
 from services.simulator.state import CameraMount
 from services.simulator.world import World
@@ -20,6 +20,9 @@ class Perception(Protocol):
     def see(self, frame: FrameId) -> Tracks:
         """The people in the picture that the camera takes of the world now."""
 
+    def point(self, pointed: Pointed) -> None:
+        """A user points at somebody who is not tracked."""
+
 
 class SimulatedBoxes:
     """The simulator's own boxes, with a detector's errors, and the tracker core."""
@@ -32,6 +35,9 @@ class SimulatedBoxes:
     def see(self, frame: FrameId) -> Tracks:
         """Boxes to tracks."""
         return self._tracker.update(self._detector.detect(self._world, frame))
+
+    def point(self, pointed: Pointed) -> None:
+        """Simulated boxes do not depend on it."""
 
 
 def camera_info(mount: CameraMount) -> CameraInfo:

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import FollowState, FrameId, Tracks
+from schemas import FollowState, FrameId, Pointed, Tracks
 from services.detector.settings import DetectorSettings
 from services.pipeline import InProcessPipeline
 from services.run.annotate import AnnotatedVideo
@@ -62,12 +62,18 @@ class RenderedPixels:
     ) -> None:
         self._camera = camera
         self._pipeline = InProcessPipeline(detector, tracker)
+        self._pointed: Pointed | None = None
 
     def see(self, frame: FrameId) -> Tracks:
         """Pixels to tracks."""
         picture = self._camera.picture()
         height, width = picture.shape[:2]
-        return self._pipeline.step(frame, picture, (width, height))[1]
+        pointed, self._pointed = self._pointed, None
+        return self._pipeline.step(frame, picture, (width, height), pointed)[1]
+
+    def point(self, pointed: Pointed) -> None:
+        """For the detector, with the next picture."""
+        self._pointed = pointed
 
 
 class Film:

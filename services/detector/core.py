@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, FrameId, SettingsError, Tracks
-from services.detector.auto.foreground import AutoForeground
+from schemas import Blobs, FrameId, Pointed, SettingsError, Tracks
+from services.detector.auto.detector import AutoDetector
 from services.detector.background_detector import BackgroundDetector
 from services.detector.ego.foreground import EgoForeground
 from services.detector.interface import Factory, Frame, FrameDetector, added_detector
@@ -49,6 +49,7 @@ class Detector:
         image: NDArray[np.uint8],
         source_size: tuple[int, int],
         feedback: Tracks | None,
+        pointed: Pointed | None = None,
     ) -> Blobs:
         """Find the blobs of one frame and learn from it.
 
@@ -60,12 +61,13 @@ class Detector:
             source_size: width and height before capture scaled the frame, pixels.
             feedback: tracks of frame `seq - settings.feedback_lag_frames` or older, None when
                 there are none; tracks of another scene are ignored.
+            pointed: where a user pointed at somebody who is not tracked, since the frame before.
         """
-        return self._detector.detect(Frame(frame, image, source_size, feedback))
+        return self._detector.detect(Frame(frame, image, source_size, feedback, pointed))
 
 
 _BUILT_IN: dict[str, Factory] = {
-    "auto": partial(BackgroundDetector, AutoForeground),
+    "auto": AutoDetector,
     "mixture": partial(BackgroundDetector, MixtureForeground),
     "mog2": partial(BackgroundDetector, Mog2Foreground),
     "ego": partial(BackgroundDetector, EgoForeground),

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, FrameId, SettingsError, Tracks
+from schemas import Blobs, FrameId, Pointed, SettingsError, Tracks
 from services.detector.settings import DetectorSettings
 
 GROUP = "heel.detectors"
@@ -31,12 +31,15 @@ class Frame:
         source_size: width and height before capture scaled the frame, pixels.
         feedback: tracks of frame `seq - settings.feedback_lag_frames` or older, None when there
             are none; they may be of another scene.
+        pointed: where a user pointed, since the frame before, and nobody was tracked; None for
+            nowhere. May be of another scene.
     """
 
     id: FrameId
     image: NDArray[np.uint8]
     source_size: tuple[int, int]
     feedback: Tracks | None
+    pointed: Pointed | None = None
 
 
 class FrameDetector(Protocol):

@@ -6,7 +6,17 @@ import time
 
 import cv2
 
-from schemas import Blobs, EndOfStream, FrameId, Header, MessageError, Tracks, keys
+from schemas import (
+    Blobs,
+    EndOfStream,
+    FrameId,
+    Header,
+    MessageError,
+    Pointed,
+    Tracks,
+    decode,
+    keys,
+)
 from schemas.image import decode_image
 from services.detector.core import Detector
 from services.detector.feedback import FeedbackBuffer
@@ -24,12 +34,15 @@ class DetectorService:
     def __init__(self, context: ServiceContext[DetectorServiceSettings]) -> None:
         self._context = context
         self._settings = context.settings
-        live = context.settings.delivery == "live"
+        self._live = live = context.settings.delivery == "live"
         self._detector = Detector(context.settings, time.monotonic if live else None)
         self._feedback = FeedbackBuffer(context.settings.feedback_lag_frames)
         camera = context.settings.camera
         self._images = context.subscribe("image", keys.image(camera), qos.IMAGE)
         self._tracks = context.subscribe("tracks", keys.tracks(camera), qos.TRACKS, primary=False)
+        if live:
+            # In a lossless run what is found depends on the pictures alone.
+            context.inbox.subscribe("pointed", keys.FOLLOW_POINTED, qos.POINTED)
         self._out = context.publisher(keys.blobs(camera), qos.BLOBS)
 
     def run(self) -> None:
@@ -58,7 +71,8 @@ class DetectorService:
         statistics.input(arrival.arrived_s)
         frame = header.frame_id()
         source = (header.source_width, header.source_height)
-        blobs = self._detector.detect(frame, image, source, self._protection(frame))
+        protection, pointed = self._protection(frame), self._pointed()
+        blobs = self._detector.detect(frame, image, source, protection, pointed)
         statistics.details["background"] = f"{blobs.background} {blobs.background_reason}".strip()
         return blobs
 
@@ -75,6 +89,19 @@ class DetectorService:
         if alone and frame.seq > self._settings.feedback_lag_frames:
             return None
         return self._await(frame)
+
+    def _pointed(self) -> Pointed | None:
+        """Where a user has pointed since the last frame, if anywhere."""
+        pointed = None
+        while self._live and (arrival := self._context.inbox.get(0, "pointed")) is not None:
+            try:
+                pointed = decode(Pointed, arrival.payload, arrival.encoding)
+            except MessageError as error:
+                self._context.statistics.malformed += 1
+                self._context.warn.warning(
+                    arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s
+                )
+        return pointed
 
     def _await(self, frame: FrameId) -> Tracks | None:
         deadline_s = time.monotonic() + self._settings.feedback_timeout_s

@@ -46,7 +46,7 @@ def test_bad_messages_are_counted_in_health_and_end_nothing(stack: Stack, fault:
     """On every topic at once; the counts are exact."""
     expected = stack.refused()
     messages = stack.next_messages()
-    del messages["detector tracks"]
+    del messages["detector tracks"], messages["detector pointed"]
     for name, good in messages.items():
         service, topic = name.split()
         stack.send(broken(good, topic, fault))
@@ -56,12 +56,15 @@ def test_bad_messages_are_counted_in_health_and_end_nothing(stack: Stack, fault:
     assert not any("Traceback" in process.stderr() for process in stack.processes.values())
 
 
+@pytest.mark.parametrize("topic", ["tracks", "pointed"])
 @pytest.mark.parametrize("fault", FAULTS)
-def test_the_detector_counts_bad_tracks_and_goes_on_with_images(stack: Stack, fault: str) -> None:
-    """It looks at tracks when an image comes: the next image answers for both."""
+def test_the_detector_counts_bad_messages_and_goes_on_with_images(
+    stack: Stack, fault: str, topic: str
+) -> None:
+    """It looks at them when an image comes: the next image answers for both."""
     before = stack.refused()["detector"]
     with network.collected(stack.session, keys.blobs("detector")) as blobs:
-        stack.send(broken(stack.next_messages()["detector tracks"], "tracks", fault))
+        stack.send(broken(stack.next_messages()[f"detector {topic}"], topic, fault))
         for _ in range(2):
             stack.send(stack.next_messages()["detector image"])
             sample = blobs.get(timeout=network.DEADLINE_S)

@@ -15,11 +15,13 @@ from schemas import (
     CameraInfo,
     EndOfStream,
     EStop,
+    FrameId,
     Header,
     Health,
     Message,
     MotionCommand,
     Odometry,
+    Pointed,
     Ranges,
     Stamp,
     Tracks,
@@ -71,12 +73,16 @@ def good_messages(seq: int) -> dict[str, Put]:
     seen = {camera: Tracks(**frame(camera, seq), **_SIZE) for camera in ("detector", "follower")}
     blobs = Blobs(**frame("tracker", seq), **_SIZE, detector="test")
     info = CameraInfo(stream="follower", epoch=1, **_SIZE, fps=25.0, source="test")
+    pointed = Pointed(
+        frame=FrameId(**frame("detector", seq)), width=_WIDTH, height=_HEIGHT, x_px=9.0, y_px=9.0
+    )
     released = EStop(engaged=False, source="test")
     standing = Odometry(
         seq=seq, x_m=0.0, y_m=0.0, heading_rad=0.0, linear_mps=0.0, angular_radps=0.0
     )
     return {
         "detector tracks": good_message(seen["detector"], keys.tracks("detector")),
+        "detector pointed": good_message(pointed, keys.FOLLOW_POINTED, stamped=False),
         "detector image": good_image(seq),
         "tracker blobs": good_message(blobs, keys.blobs("tracker")),
         "follower tracks": good_message(seen["follower"], keys.tracks("follower")),
@@ -91,6 +97,7 @@ _CAPS = {
     "image": MAX_IMAGE_BYTES, "tracks": Tracks.max_bytes, "blobs": Blobs.max_bytes,
     "estop": EStop.max_bytes, "info": CameraInfo.max_bytes, "command": MotionCommand.max_bytes,
     "odometry": Odometry.max_bytes, "ranges": Ranges.max_bytes,
+    "pointed": Pointed.max_bytes,
 }  # fmt: skip
 
 

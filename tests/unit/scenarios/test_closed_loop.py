@@ -10,7 +10,16 @@ import pytest
 from evaluation.following.log import EpisodeLog
 from evaluation.scenarios.loop import TRACKS_AGE_MS, ClosedLoop
 from evaluation.scenarios.perception import SimulatedBoxes
-from schemas import DriveState, FrameId, MotionCommand, Target, TargetRequest, Track, Tracks
+from schemas import (
+    DriveState,
+    FrameId,
+    MotionCommand,
+    Pointed,
+    Target,
+    TargetRequest,
+    Track,
+    Tracks,
+)
 from services.drive.core import Drive
 from services.drive.settings import DriveSettings
 from services.follower.core import Follower
@@ -44,6 +53,24 @@ class TrueSight:
                 if person.box_xyxy is not None and person.visible > 0.3
             ),
         )  # fmt: skip
+
+    def point(self, pointed: Pointed) -> None:
+        raise AssertionError(f"everybody is tracked: {pointed}")
+
+
+class SightOnceAsked(TrueSight):
+    """Shows nobody until a user has pointed at somebody."""
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        self.points: list[Pointed] = []
+
+    def see(self, frame: FrameId) -> Tracks:
+        tracks = super().see(frame)
+        return tracks if self.points else tracks.model_copy(update={"tracks": ()})
+
+    def point(self, pointed: Pointed) -> None:
+        self.points.append(pointed)
 
 
 def beginning(name: str, seed: int, duration_s: float) -> World:
@@ -138,3 +165,12 @@ def test_contact_ends_the_episode() -> None:
     assert log.contact[-1]
     assert not log.contact[:-2].any()
     assert log.t_s[-1] < world.scenario.duration_s
+
+
+def test_a_click_on_somebody_unseen_reaches_perception_and_the_next_one_chooses_them() -> None:
+    world = beginning("straight", 3, 4.0)
+    perception = SightOnceAsked(world)
+    log = follow(world, perception)
+    (pointed,) = perception.points
+    assert pointed.frame.t_capture_ns * 1e-9 == pytest.approx(1.0, abs=0.15)
+    assert log.state[-1] == "following"

@@ -1,0 +1,45 @@
+"""A sighting of the person pointed at as a blobs message."""
+
+from __future__ import annotations
+
+from schemas import Blobs, FrameId
+from schemas.base import BoxXyxy
+from services.detector.background_detector import camera_motion
+from services.detector.camera_motion import MotionEstimate
+from services.detector.geometry import WorkSize
+from services.detector.interface import Frame
+from services.detector.neural.between import Seen
+from services.detector.neural.packing import person_blobs
+from services.detector.pointed.person import Sighting
+
+NAME = "pointed"
+_BEST_SCORE = 0.95
+
+
+def people_message(
+    frame: Frame, size: WorkSize, sighting: Sighting | None, motion: MotionEstimate
+) -> Blobs:
+    """Blobs of kind `people`; the score is how alike they look to themselves before."""
+    people = []
+    if sighting is not None:
+        score = min(_BEST_SCORE, sighting.likeness)
+        people = [Seen(_frame_box(sighting.box_xyxy, size), score)]
+    return Blobs(
+        **frame.id.model_dump(include=set(FrameId.model_fields)),
+        width=size.frame_width,
+        height=size.frame_height,
+        source_width=frame.source_size[0],
+        source_height=frame.source_size[1],
+        blobs=person_blobs(people, frame.image),
+        kind="people",
+        camera_motion=camera_motion(motion, size),
+        detector=NAME,
+    )
+
+
+def _frame_box(box: BoxXyxy, size: WorkSize) -> BoxXyxy:
+    """A box of working pixels in frame pixels."""
+    left, top, right, bottom = box
+    return (
+        left * size.scale_x, top * size.scale_y, right * size.scale_x, bottom * size.scale_y,
+    )  # fmt: skip

@@ -1,0 +1,218 @@
+"""One person, found again in each frame by the colours of their clothes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.base import BoxXyxy
+from services.detector.camera_motion import Affine, moved_box
+from services.detector.pointed.colours import StripColours, colour_bins
+from services.detector.pointed.exposure import Exposure
+from services.detector.pointed.extent import End, extent
+from services.detector.pointed.fitting import Fit, best_fit, likeness_at, share_inside
+from services.detector.pointed.search import found_again
+from services.detector.pointed.silhouette import ASPECT, FloatMap, Place, silhouette
+from services.detector.pointed.stance import Stance
+from services.detector.pointed.view import PERSON_PX, View, view_around
+
+_VIEW = (134, 112)
+_LEAST_IN_VIEW = 0.35
+_SEEN, _GOOD, _FOUND = 0.55, 0.8, 0.75
+"""Of the usual likeness: seen at all, well enough to learn from, and after a time out of sight."""
+_LEAST_LIKENESS = 0.12
+_PERSON_RATE, _BESIDE_RATE, _USUAL_RATE = 0.02, 0.2, 0.03
+"""What is learned a frame: clothes change slowly, what one walks past does not."""
+_HEIGHT_GAIN, _GROWTH_GAIN, _GROWTH_MEMORY_S = 0.25, 0.1, 0.5
+_SPEED_MEMORY_S = 0.2
+_FIRST_FRAMES = 15
+"""In which somebody's first look is learned."""
+_BOX_WIDTH = 0.8
+"""Of what is told as the box, templates' widths: these leave room for arms."""
+_EXTENT_GAIN, _LARGEST_CORRECTION = 0.4, 0.06
+"""Share of a difference to where the colours end by which the height is corrected a frame."""
+_LOST_S, _GAP_S = 0.4, 0.3
+"""Somebody missed for longer, or not looked for because there was no picture, is looked for
+everywhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """Where somebody is seen.
+
+    Attributes:
+        box_xyxy: working pixels.
+        likeness: share of the usual likeness, 1 as ever.
+        in_view: share of the body inside the picture.
+    """
+
+    box_xyxy: BoxXyxy
+    likeness: float
+    in_view: float
+
+
+class Person:
+    """Somebody known, from the first frame in which they were."""
+
+    def __init__(self, box: BoxXyxy, rows: int) -> None:
+        """Begin with a box, and pictures of so many rows, working pixels."""
+        self._x = 0.5 * (box[0] + box[2])
+        self._y = 0.5 * (box[1] + box[3])
+        self._height = box[3] - box[1]
+        self._stance = Stance(rows, box[1], box[3])
+        self._exposure = Exposure()
+        self._speed_px_s = 0.0
+        self._growth = 0.0
+        self._colours = StripColours()
+        self._usual: float | None = None
+        self._frames = 0
+        self.missed_s = 0.0
+
+    @property
+    def box_xyxy(self) -> BoxXyxy:
+        """Where they should be, working pixels."""
+        down, across = 0.5 * self._height, 0.5 * ASPECT * self._height
+        return (self._x - across, self._y - down, self._x + across, self._y + down)
+
+    def look(self, image: NDArray[np.uint8], camera: Affine, dt_s: float) -> Sighting | None:
+        """Where they are in the next frame; None if they are not seen.
+
+        Args:
+            image: (H, W, 3) uint8 BGR at working size.
+            camera: its motion since the frame before.
+            dt_s: since then.
+        """
+        image = self._exposure.level(image, dt_s)
+        unseen_s = self.missed_s + dt_s
+        if dt_s > _GAP_S:
+            self.missed_s = unseen_s
+        self._predict(camera, dt_s)
+        if self.missed_s > _LOST_S and not self._search(image):
+            self.missed_s = unseen_s
+            return None
+        view = view_around(image, self._x, self._y, self._height, _VIEW)
+        bins = colour_bins(view.image)
+        if self._usual is None:
+            self._begin(bins, view)
+        likeness = [layer * view.inside for layer in self._colours.likeness(bins)]
+        fit = best_fit(likeness, self._aim(view), 1.0 + 2.0 * min(self.missed_s, 1.0))
+        if (sighting := self._judge(bins, likeness, fit, view, dt_s)) is None:
+            self.missed_s = unseen_s
+        return sighting
+
+    def _judge(
+        self, bins: NDArray[np.int32], likeness: list[FloatMap], fit: Fit, view: View, dt_s: float
+    ) -> Sighting | None:
+        within = share_inside(view.inside, fit.place)
+        like = likeness_at(likeness, fit.place) / max(within, _LEAST_IN_VIEW)
+        if self._usual is None:
+            self._usual = like
+        share = like / max(self._usual, _LEAST_LIKENESS)
+        needed = _FOUND if self.missed_s > _LOST_S else _SEEN
+        if within < _LEAST_IN_VIEW or share < needed:
+            return None
+        self._move_to(fit.place, view, dt_s)
+        self._stance.correct(self._y, self._height)
+        self._correct_height(likeness, fit.place, view)
+        if self.missed_s == 0.0:
+            rate = max(_PERSON_RATE, 1.0 / (self._frames + 1.0)) if share > _GOOD else 0.0
+            self._learn(bins, view.inside, fit.place, rate, _BESIDE_RATE)
+            if self._frames < _FIRST_FRAMES:
+                self._colours.keep()
+            self._usual += max(_USUAL_RATE, rate) * (like - self._usual)
+        self._frames += 1
+        self.missed_s = 0.0
+        return Sighting(self._shown(view), share, within)
+
+    def _shown(self, view: View) -> BoxXyxy:
+        """The box as it is told: without room for arms, and never farther than they may be.
+
+        Close to the camera head and feet are both beyond the border, and the feet at times believed
+        to be above it (0.78 m away they were taken for 1.3 m): there is no room for both inside.
+        """
+        left, top, right, bottom = self.box_xyxy
+        narrower = 0.5 * (right - left) * (1.0 - _BOX_WIDTH)
+        if top <= 0.0:
+            bottom = max(bottom, view.picture_rows)
+        return (left + narrower, top, right - narrower, bottom)
+
+    def _predict(self, camera: Affine, dt_s: float) -> None:
+        left, top, right, bottom = moved_box(self.box_xyxy, camera)
+        damping = math.exp(-self.missed_s / 0.5)
+        self._x = 0.5 * (left + right) + self._speed_px_s * dt_s * damping
+        self._growth *= math.exp(-dt_s / _GROWTH_MEMORY_S)
+        if self.missed_s == 0.0:
+            self._height = (bottom - top) * math.exp(self._growth * dt_s)
+        self._y = self._stance.centre(self._height)
+        self._expected_x = self._x
+
+    def _aim(self, view: View) -> tuple[float, float, float]:
+        """Expected column and row of the middle, and the horizon's row, in the view."""
+        horizon = (self._stance.horizon - view.top) * view.scale
+        return 0.5 * _VIEW[0], 0.5 * _VIEW[1], horizon
+
+    def _search(self, image: NDArray[np.uint8]) -> bool:
+        """Begin where they look like themselves, if there is one such place, and only one."""
+        usual = max(self._usual or 0.0, _LEAST_LIKENESS)
+        found = found_again(image, self._colours, self._stance, self._height, _FOUND * usual)
+        if found is None:
+            return False
+        self._x, self._height = found
+        self._expected_x = self._x
+        self._y = self._stance.centre(self._height)
+        self._speed_px_s = self._growth = 0.0
+        return True
+
+    def _begin(self, bins: NDArray[np.int32], view: View) -> None:
+        centre = silhouette(PERSON_PX).centre
+        place = Place(_VIEW[1] // 2 - centre[1], _VIEW[0] // 2 - centre[0], PERSON_PX)
+        self._learn(bins, view.inside, place, 1.0, 1.0)
+        self._colours.keep()
+
+    def _move_to(self, place: Place, view: View, dt_s: float) -> None:
+        column, row = place.middle
+        x, y = view.to_picture(column, row)
+        grown = math.log(place.height / PERSON_PX)
+        if dt_s > 0.0 and self.missed_s == 0.0:
+            surprise = (x - self._expected_x) / dt_s
+            self._speed_px_s += min(1.0, dt_s / _SPEED_MEMORY_S) * surprise
+            self._growth += _GROWTH_GAIN * grown / dt_s
+        self._x, self._y = x, y
+        self._height *= math.exp(_HEIGHT_GAIN * grown)
+
+    def _correct_height(self, likeness: list[FloatMap], place: Place, view: View) -> None:
+        """Let the box end where their colours do: strips alone let its size drift."""
+        head, feet = extent(likeness, view.inside, place)
+        least = self._stance.least_height(_row(head, view, cut=True), _row(feet, view, cut=True))
+        told = self._stance.height(_row(head, view, cut=False), _row(feet, view, cut=False))
+        if told is None and self._height < least:
+            told = least
+        if told is not None:
+            told = max(told, least)
+            change = _EXTENT_GAIN * math.log(told / self._height)
+            change = min(max(change, -_LARGEST_CORRECTION), _LARGEST_CORRECTION)
+            self._height *= math.exp(change)
+
+    def _learn(
+        self, bins: NDArray[np.int32], inside: FloatMap, place: Place,
+        person_rate: float, beside_rate: float,
+    ) -> None:  # fmt: skip
+        shape = silhouette(place.height)
+        cover = np.zeros_like(inside)
+        rows, columns = place.span
+        cover[rows, columns] = shape.cover
+        cover[inside == 0.0] = np.nan
+        spans = [
+            slice(place.row + strip.first_row,
+                  place.row + strip.first_row + strip.weights.shape[0])
+            for strip in shape.strips
+        ]  # fmt: skip
+        self._colours.learn(bins, cover, spans, person_rate, beside_rate)
+
+
+def _row(end: End | None, view: View, cut: bool) -> float | None:
+    """Row in the picture of an end of the body, if it is of this kind."""
+    return view.to_picture(0.0, end.row)[1] if end is not None and end.cut == cut else None
