@@ -37,10 +37,9 @@ def demo(
     scenario: Annotated[str, typer.Option(help="kind of episode")] = SCENARIO,
     seed: Annotated[int, typer.Option(help="of the episode; each is another one", min=0)] = SEED,
     perception: Annotated[
-        Literal["simulated-boxes", "pixels"] | None,
-        typer.Option(help="who sees the people: the simulator itself, or the detector [default: "
-                     "the detector where --detector or --model is given]"),
-    ] = None,
+        Literal["pixels", "simulated-boxes"],
+        typer.Option(help="who sees the people: the detector, or the simulator itself"),
+    ] = "pixels",
     detector: Annotated[
         str | None, typer.Option(help="how people are found in pixels: auto, mixture, ego, onnx")
     ] = None,
@@ -63,13 +62,10 @@ def demo(
         )  # fmt: skip
         raise typer.Exit(guarded(lambda: play_scene(options)))
 
-    looks = detector is not None or model is not None
-    if perception is None:
-        perception = "pixels" if looks else "simulated-boxes"
-    if perception == "simulated-boxes" and looks:
+    if perception == "simulated-boxes" and (detector is not None or model is not None):
         raise SettingsError(
             "--detector and --model look at pixels, and the people here are the simulator's own "
-            "boxes: add --perception pixels, or --scene"
+            "boxes: leave out --perception, or use --scene"
         )
     looking = RunOptions(source="", out=folder, detector=detector, model=model).detector_flags()
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Literal
 
 import zenoh
-from zenoh.handlers import FifoChannel, Handler
 
 from schemas import (
     EndOfStream,
@@ -23,14 +22,13 @@ from schemas import (
     MessageError,
     SimTruth,
     SimWorld,
-    TargetRequest,
     Tracks,
     decode,
-    encode,
     keys,
 )
 from services.run.children import Children
 from services.run.following import FollowingFigures, FollowingTally
+from services.run.onlooker import Onlooker
 from services.run.presence import await_present
 from services.runtime import qos
 from services.runtime.inbox import Arrival, Inbox
@@ -40,7 +38,6 @@ from services.runtime.router import open_private_router
 CAMERA = "front"
 _POLL_S = 0.1
 _SILENCE_S = 15.0
-_CHOOSE_AT_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -72,8 +69,7 @@ class WorldRun:
         self._warn = OncePerSecond(log)
         self._tally = FollowingTally()
         self._ended = self._page_told = False
-        self._chosen = True
-        self._asking: Handler[zenoh.Reply] | None = None
+        self._onlooker = Onlooker()
 
     def run(self) -> FollowingFigures:
         """Run until the end of the episode, of the asked time, or until told to stop.
@@ -154,12 +150,11 @@ class WorldRun:
         if arrival.topic == "truth":
             truth = decode(SimTruth, payload, encoding)
             self._tally.truth(truth)
-            if not self._chosen and truth.t_s >= _CHOOSE_AT_S:
-                self._choose(session)
+            self._onlooker.look(session, truth)
         elif arrival.topic == "world":
             decode(SimWorld, payload, encoding)
             self._tally.episode()
-            self._chosen = False
+            self._onlooker.episode()
         elif arrival.topic == "state":
             self._tally.state(decode(FollowState, payload, encoding))
         elif arrival.topic == "health":
@@ -169,15 +164,6 @@ class WorldRun:
             self._ended = True
         else:
             self._tally.tracks(decode(Tracks, payload, encoding))
-
-    def _choose(self, session: zenoh.Session) -> None:
-        """Press "nearest", as whoever looks at the page could: the scenario's person is."""
-        self._chosen = True
-        request = TargetRequest(mode="nearest")
-        self._asking = session.get(
-            keys.FOLLOW_TARGET, FifoChannel(1), payload=encode(request),
-            encoding=request.encoding(), timeout=1.0,
-        )  # fmt: skip
 
     def _tell_page(self, url: str | None) -> None:
         if url and not self._page_told:

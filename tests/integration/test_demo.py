@@ -20,13 +20,24 @@ def test_it_ends_after_so_long_and_says_how_it_went(tmp_path: Path) -> None:
     assert code == 0, err
     assert "live page: http://127.0.0.1:" in out
     assert "followed the scenario's person" in out
-    assert "people are the simulator's own boxes, not seen in pixels" in out
+    assert "people were seen in the rendered pictures" in out
     figures = json.loads((tmp_path / "following.json").read_text())
-    assert figures["perception"] == "simulated-boxes"
+    assert figures["perception"] == "pixels"
     assert figures["time_s"] > 1.0
     assert figures["contacts"] == 0
     lines = (tmp_path / "truth.jsonl").read_text().splitlines()
     assert len(lines) > 20
+
+
+def test_boxes_of_the_simulator_are_named_as_such(tmp_path: Path) -> None:
+    pytest.importorskip("panda3d", reason="the extra sim is not installed")
+    code, out, err = finished(
+        *FLAGS, "--perception", "simulated-boxes", "--seconds", "3", "--out", str(tmp_path),
+        deadline_s=60.0,
+    )  # fmt: skip
+    assert code == 0, err
+    assert "people are the simulator's own boxes, not seen in pixels" in out
+    assert json.loads((tmp_path / "following.json").read_text())["perception"] == "simulated-boxes"
 
 
 def test_ctrl_c_ends_every_service(tmp_path: Path) -> None:
