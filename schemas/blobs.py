@@ -145,6 +145,11 @@ class Blobs(FrameId, Message):
         default="regions",
         description="regions: pieces of foreground; people: one box a person, each with a score",
     )
+    sought: Count | None = Field(
+        default=None,
+        description="kind people: there is one person alone who is looked for, and this is their "
+        "number; another number is somebody else",
+    )
     blobs_left_out: Count = Field(default=0, description="blobs beyond the cap of the message")
     evidence: Evidence | None = None
     camera_motion: CameraMotion | None = Field(default=None, description="none: it stood still")
@@ -173,4 +178,10 @@ class Blobs(FrameId, Message):
     def _people_have_scores(self) -> Self:
         if self.kind == "people" and any(blob.score is None for blob in self.blobs):
             raise ValueError("kind 'people' needs a score with every blob")
+        return self
+
+    @model_validator(mode="after")
+    def _one_is_sought(self) -> Self:
+        if self.sought is not None and (self.kind != "people" or len(self.blobs) > 1):
+            raise ValueError("'sought' needs kind 'people', and no more than one blob")
         return self

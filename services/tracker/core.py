@@ -12,13 +12,16 @@ from services.tracker.blob.tracker import BlobTracker
 from services.tracker.fitted.tracker import FittedTracker
 from services.tracker.given_boxes.people import PeopleTracker
 from services.tracker.settings import TrackerSettings
+from services.tracker.sought import SoughtTracker
 from services.tracker.timing import FrameClock
 
-Method = BlobTracker | FittedTracker | PeopleTracker
+Method = BlobTracker | FittedTracker | PeopleTracker | SoughtTracker
 
 
 class Tracker:
     """The preset's tracker on regions, the box tracker on people; started over with each scene.
+
+    Of one person alone who is looked for the detector says who they are: they keep their id.
 
     Usage:
         tracker = Tracker(TrackerSettings())
@@ -35,21 +38,23 @@ class Tracker:
         """
         self.settings = settings
         self._calibration = calibration
-        self._scene: tuple[str, int, int, int, str] | None = None
+        self._scene: tuple[object, ...] | None = None
         self._clock = FrameClock()
         self._method: Method = self._preset(next_id=1)
 
     def update(self, blobs: Blobs) -> Tracks:
         """Take in one frame.
 
-        A new size, stream, epoch or kind of blobs forgets everybody; ids are never used again all
-        the same.
+        A new size, stream, epoch, kind of blobs or person who is sought forgets everybody; ids are
+        never used again all the same.
 
         Raises:
             MessageError: the evidence map does not unpack; nothing has changed then.
         """
         evidence = None if blobs.evidence is None else blobs.evidence.array()
-        scene = (blobs.stream, blobs.epoch, blobs.width, blobs.height, blobs.kind)
+        scene = (
+            blobs.stream, blobs.epoch, blobs.width, blobs.height, blobs.kind, blobs.sought,
+        )  # fmt: skip
         if scene != self._scene:
             self.settle()  # it may use up ids
             self._scene = scene
@@ -68,6 +73,8 @@ class Tracker:
             self._method.settle()
 
     def _started(self, blobs: Blobs, next_id: int) -> Method:
+        if blobs.sought is not None:
+            return SoughtTracker(next_id)
         if blobs.kind == "people":
             size = (blobs.width, blobs.height)
             return PeopleTracker(size, next_id)

@@ -19,7 +19,8 @@ def valid_maps(name: str) -> st.SearchStrategy[dict[str, Any]]:
     contract = json_schemas()[name]["schema"]
     made = _object(contract, contract.get("$defs", {}))
     beyond_schema = {
-        "target-request": made.filter(_is_complete), "blobs": made.map(with_boxes_by_the_frame)
+        "target-request": made.filter(_is_complete),
+        "blobs": made.map(with_boxes_by_the_frame).map(_with_one_sought),
     }  # fmt: skip
     return beyond_schema.get(name, made)
 
@@ -34,6 +35,15 @@ def with_boxes_by_the_frame(fields: dict[str, Any]) -> dict[str, Any]:
         return blob | {"box_xyxy": [left, top, right, bottom]}
 
     return fields | {"blobs": [inside(blob) for blob in fields.get("blobs", [])]}
+
+
+def _with_one_sought(fields: dict[str, Any]) -> dict[str, Any]:
+    """The blobs message with no more than one blob if one person is sought, and only of people."""
+    if fields.get("sought") is None:
+        return fields
+    if fields.get("kind") != "people":
+        return fields | {"sought": None}
+    return fields | {"blobs": fields["blobs"][:1]}
 
 
 def _span(one: float, other: float, most: int) -> tuple[float, float]:

@@ -51,7 +51,7 @@ class AutoDetector:
         if not scene.pointed.somebody:
             return self._background.detect(frame)
         sighting, motion = scene.pointed.look(smooth, frame.id.t_capture_ns)
-        return people_message(frame, scene.size, sighting, motion)
+        return people_message(frame, scene.size, sighting, motion, scene.pointed.count)
 
     def _point(self, scene: _Scene, smooth: NDArray[np.uint8], pointed: Pointed) -> None:
         of = (pointed.frame.stream, pointed.frame.epoch, pointed.width, pointed.height)

@@ -17,10 +17,15 @@ _MARGIN = 0.1
 
 
 class PointedAt:
-    """Looks for one person: whoever was pointed at last."""
+    """Looks for one person: whoever was pointed at last.
+
+    Attributes:
+        count: of the people looked for so far.
+    """
 
     def __init__(self) -> None:
         """Nobody was pointed at yet."""
+        self.count = 0
         self._person: Person | None = None
         self._ego = EgoMotion()
         self._last_ns: int | None = None
@@ -42,6 +47,7 @@ class PointedAt:
             return False
         if self._person is None:
             self._ego, self._last_ns = EgoMotion(), None
+        self.count += 1
         self._person = Person(outline_box(smooth, box), smooth.shape[0])
         return True
 

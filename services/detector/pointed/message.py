@@ -13,16 +13,16 @@ from services.detector.neural.packing import person_blobs
 from services.detector.pointed.person import Sighting
 
 NAME = "pointed"
-_BEST_SCORE = 0.95
+_BEST_SCORE, _DOUBTED_SCORE = 0.95, 0.5
 
 
 def people_message(
-    frame: Frame, size: WorkSize, sighting: Sighting | None, motion: MotionEstimate
+    frame: Frame, size: WorkSize, sighting: Sighting | None, motion: MotionEstimate, sought: int
 ) -> Blobs:
     """Blobs of kind `people`; the score is how alike they look to themselves before."""
     people = []
     if sighting is not None:
-        score = min(_BEST_SCORE, sighting.likeness)
+        score = _DOUBTED_SCORE if sighting.doubted else min(_BEST_SCORE, sighting.likeness)
         people = [Seen(_frame_box(sighting.box_xyxy, size), score)]
     return Blobs(
         **frame.id.model_dump(include=set(FrameId.model_fields)),
@@ -32,6 +32,7 @@ def people_message(
         source_height=frame.source_size[1],
         blobs=person_blobs(people, frame.image),
         kind="people",
+        sought=sought,
         camera_motion=camera_motion(motion, size),
         detector=NAME,
     )

@@ -81,7 +81,7 @@ EXAMPLES: tuple[Message, ...] = (
                 score=0.875,
             ),
         ),
-        kind="people",
+        kind="people", sought=3,
         blobs_left_out=1, evidence=EVIDENCE,
         camera_motion=CameraMotion(affine=(1.0, 0.0, -2.5, 0.0, 1.0, 0.75), quality=0.875),
         detector="mog2", background="learning", background_reason="started", protected_seq=39,

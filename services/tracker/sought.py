@@ -1,0 +1,93 @@
+"""The one person who is looked for: the detector knows them, so that they keep their id."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from schemas import Blob, Blobs, Track
+from schemas.base import BoxXyxy
+
+_CONFIRM_FRAMES = 3
+_REMEMBERED_S = 1.0
+"""Time unseen for which a place is told."""
+_SPEED_MEMORY_S = 0.3
+
+
+class SoughtTracker:
+    """Blobs of which each is the same person. Whether it is they, their score says."""
+
+    def __init__(self, next_id: int = 1) -> None:
+        """Start with nobody seen yet.
+
+        Args:
+            next_id: the id to give out.
+        """
+        self.next_id = next_id + 1
+        self._id = next_id
+        self._box: BoxXyxy | None = None
+        self._confidence = 0.0
+        self._velocity = (0.0, 0.0)
+        self._seen_frames = self._missed_frames = 0
+        self._missed_s = 0.0
+
+    def update(self, blobs: Blobs, dt_s: float) -> list[Track]:
+        """Take one frame; the person if they are seen, or were shortly before.
+
+        Args:
+            blobs: one blob, or none.
+            dt_s: seconds since the frame before, > 0.
+        """
+        if blobs.blobs:
+            self._see(blobs.blobs[0], dt_s)
+        else:
+            self._miss(blobs, dt_s)
+        if self._box is None or self._missed_s > _REMEMBERED_S:
+            return []
+        return [self._track(self._box)]
+
+    def _see(self, blob: Blob, dt_s: float) -> None:
+        if self._box is None or self._missed_frames:
+            self._velocity = (0.0, 0.0)
+        else:
+            gain = 1.0 - math.exp(-dt_s / _SPEED_MEMORY_S)
+            before, now = _centre(self._box), _centre(blob.box_xyxy)
+            speed = [
+                old + gain * ((to - at) / dt_s - old)
+                for old, at, to in zip(self._velocity, before, now, strict=True)
+            ]
+            self._velocity = (speed[0], speed[1])
+        self._box = blob.box_xyxy
+        self._confidence = 1.0 if blob.score is None else blob.score
+        self._seen_frames += 1
+        self._missed_frames, self._missed_s = 0, 0.0
+
+    def _miss(self, blobs: Blobs, dt_s: float) -> None:
+        self._missed_frames += 1
+        self._missed_s += dt_s
+        if self._box is not None and blobs.camera_motion is not None:
+            affine = np.array(blobs.camera_motion.affine).reshape(2, 3)
+            corners = np.array(self._box).reshape(2, 2) @ affine[:, :2].T + affine[:, 2]
+            left, top, right, bottom = corners.ravel().tolist()
+            self._box = (left, top, right, bottom)
+
+    def _track(self, box: BoxXyxy) -> Track:
+        left, top, right, bottom = box
+        confirmed = self._seen_frames >= _CONFIRM_FRAMES
+        seen = self._missed_frames == 0
+        return Track(
+            id=self._id,
+            state="new" if not confirmed else "tracked" if seen else "lost",
+            box_xyxy=box,
+            velocity_pxps=self._velocity,
+            area_px=(right - left) * (bottom - top),
+            span_px=right - left,
+            identity_confidence=self._confidence,
+            missed_frames=self._missed_frames,
+            shown=confirmed and seen,
+        )
+
+
+def _centre(box: BoxXyxy) -> tuple[float, float]:
+    return 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])

@@ -1,0 +1,78 @@
+"""The one person who is looked for, through the tracker core."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from schemas import Blob, Blobs, CameraMotion, Patch, Tracks
+from services.tracker.core import Tracker
+from services.tracker.settings import TrackerSettings
+
+_PATCH = Patch.from_array(np.zeros((2, 2, 3), np.uint8))
+
+
+def blob(left: float, score: float = 0.9) -> Blob:
+    return Blob(
+        box_xyxy=(left, 100.0, left + 40.0, 200.0), area_px=4000.0, centroid=(left + 20.0, 150.0),
+        patch=_PATCH, score=score,
+    )  # fmt: skip
+
+
+def frame(
+    seq: int, seen: Blob | None, sought: int | None = 1, motion: CameraMotion | None = None
+) -> Blobs:
+    return Blobs(
+        stream="front", epoch=1, seq=seq, index=seq, t_capture_ns=seq * 50_000_000,
+        width=640, height=480, source_width=640, source_height=480,
+        blobs=() if seen is None else (seen,), kind="people", sought=sought,
+        camera_motion=motion, detector="test",
+    )  # fmt: skip
+
+
+def play(frames: Sequence[Blobs]) -> list[Tracks]:
+    tracker = Tracker(TrackerSettings())
+    return [tracker.update(each) for each in frames]
+
+
+def test_they_are_shown_from_the_third_frame_on() -> None:
+    tracks = [message.tracks[0] for message in play([frame(k, blob(10.0)) for k in range(4)])]
+    assert [track.state for track in tracks] == ["new", "new", "tracked", "tracked"]
+    assert [track.shown for track in tracks] == [False, False, True, True]
+
+
+def test_they_keep_their_id_wherever_and_whenever_they_come_back() -> None:
+    before = [frame(k, blob(10.0)) for k in range(5)]
+    gone = [frame(k, None) for k in range(5, 305)]
+    after = [frame(305, blob(500.0, score=0.75))]
+    messages = play([*before, *gone, *after])
+    assert messages[6].tracks[0].state == "lost"
+    assert not messages[100].tracks
+    (back,) = messages[-1].tracks
+    assert (back.id, back.state, back.identity_confidence) == (1, "tracked", 0.75)
+    assert back.velocity_pxps == (0.0, 0.0)
+
+
+def test_somebody_else_who_is_sought_gets_another_id() -> None:
+    messages = play([*(frame(k, blob(10.0)) for k in range(5)), frame(5, blob(10.0), sought=2)])
+    assert messages[4].tracks[0].id != messages[5].tracks[0].id
+
+
+def test_velocity_and_the_place_of_somebody_missed_follow_person_and_camera() -> None:
+    walking = [frame(k, blob(10.0 + 2.0 * k)) for k in range(40)]
+    turned = CameraMotion(affine=(1.0, 0.0, 30.0, 0.0, 1.0, 0.0), quality=1.0)
+    messages = play([*walking, frame(40, None, motion=turned)])
+    assert messages[39].tracks[0].velocity_pxps == pytest.approx((40.0, 0.0), abs=0.5)
+    assert messages[40].tracks[0].box_xyxy[0] == pytest.approx(88.0 + 30.0)
+
+
+def test_only_one_can_be_sought_and_only_of_people() -> None:
+    two = frame(0, blob(10.0)).model_dump() | {"blobs": (blob(1.0), blob(9.0))}
+    with pytest.raises(ValidationError, match="no more than one blob"):
+        Blobs.model_validate(two)
+    regions = frame(0, blob(10.0)).model_dump() | {"kind": "regions"}
+    with pytest.raises(ValidationError, match="needs kind 'people'"):
+        Blobs.model_validate(regions)
