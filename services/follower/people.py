@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schemas import CameraInfo, Track, Tracks
+from services.follower.box_scale import BoxScale
 from services.follower.clearance import Sectors
 from services.follower.estimate import PlaceFilter, polar_covariance
 from services.follower.own_motion import OwnMotion
@@ -38,6 +39,7 @@ class Person:
     bearing_rad: float
     seen_s: float
     filter: PlaceFilter
+    box_scale: BoxScale
 
 
 class People:
@@ -105,21 +107,25 @@ class People:
     def _filtered(
         self, track_id: int, place: tuple[float, float, float, float], t_s: float, motion: OwnMotion
     ) -> Person:
-        distance_m, bearing_rad, distance_sigma_m, bearing_sigma_rad = place
+        known = self._known.get(track_id)
+        box_scale = BoxScale() if known is None else known.box_scale
+        told_m, bearing_rad, distance_sigma_m, bearing_sigma_rad = place
+        distance_m = box_scale.scale * told_m
         pose = motion.pose_at(t_s)
         where = np.array(pose.place(distance_m, bearing_rad))
         covariance = polar_covariance(
             pose.heading_rad + bearing_rad, distance_m, distance_sigma_m, bearing_sigma_rad
         )
-        known = self._known.get(track_id)
         if known is None or t_s - known.seen_s > _FORGOTTEN_AFTER_S:
             made = PlaceFilter(where, covariance, t_s)
         else:
             made = known.filter
             made.update(where, covariance, t_s)
         if self._ranges is not None:
-            self._ranges.sharpen(made, t_s, motion)
-        return Person(track_id, distance_m, bearing_rad, t_s, made)
+            measured_m = self._ranges.sharpen(made, t_s, motion)
+            if measured_m is not None:
+                box_scale.learn(told_m, measured_m, t_s)
+        return Person(track_id, distance_m, bearing_rad, t_s, made, box_scale)
 
     def _camera_for(self, tracks: Tracks) -> Pinhole:
         size = (tracks.width, tracks.height)

@@ -24,27 +24,34 @@ class RangesInTime:
     sectors: Sectors
     t_s: float
 
-    def sharpen(self, place: PlaceFilter, t_s: float, motion: OwnMotion) -> None:
+    def sharpen(self, place: PlaceFilter, t_s: float, motion: OwnMotion) -> float | None:
         """Correct a place that the camera saw by the range in its direction, if they agree.
 
         Args:
             place: of somebody at `t_s`; corrected along the line of sight.
             t_s: when the picture was taken.
             motion: where the robot was.
+
+        Returns:
+            How far somebody is whom the range shows in that direction; None if it tells nothing.
         """
         gap_s = self.t_s - t_s
         if abs(gap_s) > _LONGEST_S:
-            return
+            return None
         pose = motion.pose_at(self.t_s)
         x_m, y_m = place.place_at(t_s)
         vx_mps, vy_mps = place.velocity
         ahead_m, left_m = pose.seen(x_m + vx_mps * gap_s, y_m + vy_mps * gap_s)
         bearing_rad, distance_m = math.atan2(left_m, ahead_m), math.hypot(ahead_m, left_m)
         range_m = self.sectors.towards_m(bearing_rad)
-        if range_m is None or abs(range_m + BODY_M - distance_m) > _GATE_M:
-            return
-        seen_x, seen_y = pose.place(range_m + BODY_M, bearing_rad)
+        if range_m is None:
+            return None
+        person_m = range_m + BODY_M
+        if abs(person_m - distance_m) > _GATE_M:
+            return person_m
+        seen_x, seen_y = pose.place(person_m, bearing_rad)
         where = np.array([seen_x - vx_mps * gap_s, seen_y - vy_mps * gap_s])
         # A range says nothing of where across the line of sight.
         covariance = polar_covariance(pose.heading_rad + bearing_rad, 1.0, _SIGMA_M, 10.0)
         place.update(where, covariance, t_s)
+        return person_m

@@ -1,0 +1,48 @@
+"""By what share somebody's box misleads about their distance, learned from the range sensor.
+
+A person is not of the assumed height, and a detector's box may miss their feet in every frame: with
+a box of 0.8 of the person, somebody 1.3 m ahead was taken to be 2.1 m away, and the robot came as
+near as ranges let it.
+"""
+
+from __future__ import annotations
+
+import math
+
+_GATE_M = 0.35
+_MEMORY_S = 1.0
+_LASTING_S = 1.0
+"""Who crosses in front is gone by then; and what stands before somebody for longer hides them."""
+_LEAST, _MOST = 0.5, 1.25
+
+
+class BoxScale:
+    """Of one person.
+
+    Attributes:
+        scale: real distance by what the box says, in [0.5, 1.25].
+    """
+
+    def __init__(self) -> None:
+        self.scale = 1.0
+        self._t_s: float | None = None
+        self._off_s = 0.0
+
+    def learn(self, told_m: float, measured_m: float, t_s: float) -> None:
+        """Take in one frame.
+
+        Args:
+            told_m: distance by the box.
+            measured_m: by the range in that direction.
+            t_s: when it was, not before the last one's.
+        """
+        dt_s = 0.0 if self._t_s is None else min(max(0.0, t_s - self._t_s), _LASTING_S)
+        self._t_s = t_s
+        off_m = measured_m - self.scale * told_m
+        # A range that passes somebody says that they are far: only as far as the box itself does.
+        most = _MOST if off_m <= _GATE_M else max(1.0, self.scale)
+        self._off_s = self._off_s + dt_s if abs(off_m) > _GATE_M else 0.0
+        if abs(off_m) > _GATE_M and self._off_s < _LASTING_S:
+            return
+        wanted = min(max(measured_m / told_m, _LEAST), most)
+        self.scale += (1.0 - math.exp(-dt_s / _MEMORY_S)) * (wanted - self.scale)
