@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from schemas.base import BoxXyxy
 from services.detector.camera_motion import Affine, moved_box
 from services.detector.pointed.colours import StripColours, colour_bins
+from services.detector.pointed.doubt import Doubt
 from services.detector.pointed.exposure import Exposure
 from services.detector.pointed.extent import End, extent
 from services.detector.pointed.fitting import Fit, best_fit, likeness_at, share_inside
-from services.detector.pointed.search import found_again
+from services.detector.pointed.search import Found, alike, clearest, elsewhere
 from services.detector.pointed.silhouette import ASPECT, FloatMap, Place, silhouette
 from services.detector.pointed.stance import Stance
 from services.detector.pointed.view import PERSON_PX, View, view_around
@@ -47,11 +48,13 @@ class Sighting:
         box_xyxy: working pixels.
         likeness: share of the usual likeness, 1 as ever.
         in_view: share of the body inside the picture.
+        doubted: whether it may be somebody else who looks alike.
     """
 
     box_xyxy: BoxXyxy
     likeness: float
     in_view: float
+    doubted: bool = False
 
 
 class Person:
@@ -67,6 +70,7 @@ class Person:
         self._speed_px_s = 0.0
         self._growth = 0.0
         self._colours = StripColours()
+        self._doubt = Doubt()
         self._usual: float | None = None
         self._frames = 0
         self.missed_s = 0.0
@@ -101,6 +105,9 @@ class Person:
         fit = best_fit(likeness, self._aim(view), 1.0 + 2.0 * min(self.missed_s, 1.0))
         if (sighting := self._judge(bins, likeness, fit, view, dt_s)) is None:
             self.missed_s = unseen_s
+        elif self._doubt.raised(self._height / image.shape[0], dt_s):
+            self._go_back(image)
+            return replace(sighting, doubted=True)
         return sighting
 
     def _judge(
@@ -156,15 +163,34 @@ class Person:
 
     def _search(self, image: NDArray[np.uint8]) -> bool:
         """Begin where they look like themselves, if there is one such place, and only one."""
-        usual = max(self._usual or 0.0, _LEAST_LIKENESS)
-        found = found_again(image, self._colours, self._stance, self._height, _FOUND * usual)
-        if found is None:
-            return False
-        self._x, self._height = found
-        self._expected_x = self._x
+        found = clearest(self._alike(image), self._least(_FOUND))
+        if found is not None:
+            self._be_at(found)
+        return found is not None
+
+    def _go_back(self, image: NDArray[np.uint8]) -> None:
+        """Be where somebody alike is as near as they were: another one is in front."""
+        places = [
+            place
+            for place in self._alike(image)
+            if self._doubt.as_before(place.height / image.shape[0])
+            and place.likeness >= self._least(_FOUND)
+            and elsewhere(place, self._x, self._height)
+        ]
+        if places:
+            self._be_at(max(places, key=lambda place: place.score))
+
+    def _alike(self, image: NDArray[np.uint8]) -> list[Found]:
+        return alike(image, self._colours, self._stance, self._height)
+
+    def _least(self, share: float) -> float:
+        return share * max(self._usual or 0.0, _LEAST_LIKENESS)
+
+    def _be_at(self, place: Found) -> None:
+        self._x = self._expected_x = place.x
+        self._height = place.height
         self._y = self._stance.centre(self._height)
         self._speed_px_s = self._growth = 0.0
-        return True
 
     def _begin(self, bins: NDArray[np.int32], view: View) -> None:
         centre = silhouette(PERSON_PX).centre

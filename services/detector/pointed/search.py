@@ -27,7 +27,7 @@ _LEAST_INSIDE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class Found:
     """A place: how much it stands out from what is beside it, how like them it is, and where."""
 
     score: float
@@ -36,20 +36,19 @@ class _Found:
     height: float
 
 
-def found_again(
-    image: NDArray[np.uint8], colours: StripColours, stance: Stance, height: float, least: float
-) -> tuple[float, float] | None:
-    """Middle column and height of the one place that is like them, pixels; None for none, or two.
+def alike(
+    image: NDArray[np.uint8], colours: StripColours, stance: Stance, height: float
+) -> list[Found]:
+    """Every place that may be theirs, in pixels.
 
     Args:
         image: (H, W, 3) uint8 BGR.
         colours: theirs.
         stance: where people of which height stand.
         height: the one they had.
-        least: mean likeness of their body.
     """
     rows, columns = image.shape[:2]
-    places: list[_Found] = []
+    places: list[Found] = []
     for tried in (height * _SIZES).tolist():
         if not _LOWEST * rows < tried < _HIGHEST * rows:
             continue
@@ -68,8 +67,8 @@ def found_again(
                 x = view.to_picture(place.middle[0], 0.0)[0]
                 like = likeness_at(likeness, place) / inside
                 score = float(scores[place.row, place.column]) / inside
-                places.append(_Found(score, like, x, tried))
-    return _clearest(places, least)
+                places.append(Found(score, like, x, tried))
+    return places
 
 
 def _peaks(scores: NDArray[np.float32], most: int = 3) -> list[int]:
@@ -85,14 +84,23 @@ def _peaks(scores: NDArray[np.float32], most: int = 3) -> list[int]:
     return peaks
 
 
-def _clearest(places: list[_Found], least: float) -> tuple[float, float] | None:
+def clearest(places: list[Found], least: float) -> Found | None:
+    """The one place that is like them; None for none, or two.
+
+    Args:
+        places: of `alike`.
+        least: mean likeness of their body.
+    """
     if not places:
         return None
     best = max(places, key=lambda one: one.score)
-    apart = [
-        one for one in places if abs(one.x - best.x) > _ELSEWHERE * min(best.height, one.height)
-    ]
+    apart = [one for one in places if elsewhere(one, best.x, best.height)]
     second = max((one.score for one in apart), default=0.0)
     if best.likeness < least or second > _CLEAR * best.score:
         return None
-    return best.x, best.height
+    return best
+
+
+def elsewhere(place: Found, x: float, height: float) -> bool:
+    """Whether it is beside somebody so high in that column."""
+    return abs(place.x - x) > _ELSEWHERE * min(place.height, height)

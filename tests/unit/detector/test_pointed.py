@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from schemas import Blobs, Pointed
 from services.detector.core import Detector
 from services.detector.pointed.contrast import contrast_box
+from services.detector.pointed.doubt import Doubt
 from services.detector.pointed.exposure import Exposure
 from services.detector.pointed.outline import outline_box
 from services.detector.pointed.stance import Stance
@@ -143,6 +144,35 @@ def test_two_who_look_like_them_are_none() -> None:
     messages = play([seen(240.0)] * 20 + [seen(None)] * 20 + [both] * 10,
                     {0: pointed(240.0, 160.0)})  # fmt: skip
     assert not any(message.blobs for message in messages[40:])
+
+
+def test_a_twin_who_crosses_in_front_is_doubted_and_left_for_them() -> None:
+    def crossing(step: int) -> Picture:
+        picture = seen(240.0, 180.0)
+        draw(picture, 90.0 + 10.0 * step, 260.0)
+        return picture
+
+    messages = play([seen(240.0, 180.0)] * 20 + [crossing(step) for step in range(40)],
+                    {0: pointed(240.0, 160.0)})  # fmt: skip
+    scores = [blob.score or 0.0 for message in messages for blob in message.blobs]
+    assert min(scores) == 0.5, "nobody would wait"
+    sure_of_another = [
+        message.seq
+        for message in messages
+        if message.blobs and message.blobs[0].score != 0.5 and not on_person(message, 240.0, 180.0)
+    ]
+    assert len(sure_of_another) <= 6, "until they are nearer than anybody can have come"
+    assert on_person(messages[-1], 240.0, 180.0)
+
+
+def test_who_comes_nearer_themselves_is_doubted_for_a_moment_only() -> None:
+    doubt = Doubt()
+    heights = [0.5] * 20 + [min(0.5 * 1.04**step, 0.9) for step in range(80)]
+    doubted = [doubt.raised(height, 0.05) for height in heights]
+    assert not any(doubted[:20])
+    assert 0 < sum(doubted) <= 2 * 42
+    assert not any(doubted[-20:])
+    assert not any(Doubt().raised(0.5 * height, 0.05) for height in heights), "far away"
 
 
 def test_they_are_kept_when_the_light_changes_at_once() -> None:
