@@ -28,6 +28,7 @@ from services.tracker.given_boxes.groups import (
     merge_candidates,
 )
 from services.tracker.given_boxes.identity import Identity
+from services.tracker.given_boxes.newcomers import near_enough, newborn
 from services.tracker.given_boxes.recall import Recall
 from services.tracker.given_boxes.score_scale import ScoreScale
 from services.tracker.given_boxes.settings import BoxTrackerSettings
@@ -101,7 +102,8 @@ class BoxTracker:
         self._learn(pairs, merges, sure, frame, t_s)
         self._miss({i for i, _ in pairs}, {i for merge in merges for i in merge.tracks})
         used = {j for _, j in pairs} | {merge.box for merge in merges}
-        self._births(frame, [j for j in range(len(frame.boxes)) if j not in used], t_s)
+        free = [j for j in range(len(frame.boxes)) if j not in used]
+        self._tracks += newborn(frame, free, self._tracks, t_s, self.settings)
         self._deaths(t_s, pictures=looks is not None)
         self._confirm(t_s, pictures=looks is not None)
         return [
@@ -282,18 +284,6 @@ class BoxTracker:
                 visible = rate * (1 - self._hidden[index])
                 track.existence *= (1 - visible) / (1 - track.existence * visible)
 
-    def _births(self, frame: FrameBoxes, free: list[int], t_s: float) -> None:
-        life, boxes, scores = self.settings.life, frame.boxes, frame.scores
-        seen = frame.measurements()
-        taken = np.array([t.box() for t in self._tracks if t.seen_s == t_s]).reshape(-1, 4)
-        for j in sorted(free, key=lambda index: -scores[index]):
-            doubled = len(taken) and iou(boxes[j : j + 1], taken).max() > life.duplicate_iou
-            if scores[j] < life.birth_score or doubled:
-                continue
-            mean, covariance = kalman.initial_state(seen[j : j + 1], self.settings.motion)
-            self._tracks.append(Track.born(mean[0], covariance[0], float(scores[j]), t_s))
-            taken = np.concatenate([taken, boxes[j : j + 1]])
-
     def _deaths(self, t_s: float, pictures: bool) -> None:
         life = self.settings.life
         recent_s = self.settings.appearance.recent_s if pictures else life.recent_s
@@ -312,7 +302,11 @@ class BoxTracker:
         if stands and not self._carried:
             for track in self._tracks:
                 track.walked = track.walked or track.walked_by() > life.walk
-        near = [track for track in self._tracks if track.confirmed or self._near_enough(track)]
+        near = [
+            track
+            for track in self._tracks
+            if track.confirmed or near_enough(track, self._tracks, self._least_height_px, life)
+        ]
         found = self._recall.recognised(near, t_s, stands, pictures)
         for newcomer, old, probability in found:
             newcomer.become(old, probability)
@@ -323,14 +317,6 @@ class BoxTracker:
             if track.seen_s == t_s and track.ready(life):
                 track.confirmed = True
                 track.track_id = track.track_id or self._new_id()
-
-    def _near_enough(self, track: Track) -> bool:
-        """Whether a newcomer is tall enough, or nobody else who is so is in sight."""
-        least_px, life = self._least_height_px, self.settings.life
-        return track.height_px() >= least_px or not any(
-            other.height_px() >= least_px and (other.confirmed or other.ready(life))
-            for other in self._tracks
-        )
 
     def _new_id(self) -> int:
         self.next_id += 1

@@ -1,0 +1,50 @@
+"""Who may be somebody new: boxes that nobody has got, and who of them is near enough to count."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from services.tracker.given_boxes import kalman
+from services.tracker.given_boxes.frame import FrameBoxes
+from services.tracker.given_boxes.geometry import iou
+from services.tracker.given_boxes.settings import BoxTrackerSettings, LifeSettings
+from services.tracker.given_boxes.track import Track
+
+
+def newborn(
+    frame: FrameBoxes, free: Sequence[int], known: Sequence[Track], t_s: float,
+    settings: BoxTrackerSettings,
+) -> list[Track]:  # fmt: skip
+    """A track for each box that nobody has got, surest first.
+
+    Args:
+        frame: the boxes.
+        free: which of them nobody has got.
+        known: everybody so far; who has a box in this frame is not begun twice.
+        t_s: time of the frame.
+        settings: all numbers.
+    """
+    life, boxes, scores = settings.life, frame.boxes, frame.scores
+    seen = frame.measurements()
+    taken = np.array([track.box() for track in known if track.seen_s == t_s]).reshape(-1, 4)
+    made = []
+    for j in sorted(free, key=lambda index: -scores[index]):
+        doubled = len(taken) and iou(boxes[j : j + 1], taken).max() > life.duplicate_iou
+        if scores[j] < life.birth_score or doubled:
+            continue
+        mean, covariance = kalman.initial_state(seen[j : j + 1], settings.motion)
+        made.append(Track.born(mean[0], covariance[0], float(scores[j]), t_s))
+        taken = np.concatenate([taken, boxes[j : j + 1]])
+    return made
+
+
+def near_enough(
+    track: Track, everybody: Sequence[Track], least_px: float, life: LifeSettings
+) -> bool:
+    """Whether a newcomer is tall enough, or nobody else who is so is in sight."""
+    return track.height_px() >= least_px or not any(
+        other.height_px() >= least_px and (other.confirmed or other.ready(life))
+        for other in everybody
+    )
