@@ -55,10 +55,15 @@ class Sectors:
         free_m = along_m[met] - np.sqrt(space_m[met] ** 2 - beside_m[met] ** 2)
         return max(0.0, float(free_m.min(initial=math.inf)))
 
-    def towards_m(self, bearing_rad: float) -> float | None:
-        """The range of the sector that looks most nearly in a direction; None if none does."""
+    def towards_m(self, bearing_rad: float, widest_rad: float = math.inf) -> float | None:
+        """The range of the sector that looks most nearly in a direction; None if none does.
+
+        Args:
+            bearing_rad: the direction.
+            widest_rad: sectors wider than that are left out.
+        """
         off = np.abs(np.remainder(self._bearing - bearing_rad + math.pi, 2 * math.pi) - math.pi)
-        off[off > self._width / 2] = math.inf
+        off[(off > self._width / 2) | (self._width > widest_rad)] = math.inf
         nearest = int(off.argmin()) if off.size else -1
         return float(self._distance[nearest]) if nearest >= 0 and off[nearest] < math.inf else None
 

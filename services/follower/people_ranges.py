@@ -15,6 +15,8 @@ _SIGMA_M = 0.06
 _GATE_M = 0.35
 """What is nearer than the person by more is somebody or something else in between."""
 _LONGEST_S = 0.25
+_NARROW_RAD = 0.27
+"""A person's width 2 m away. A wider sector may go on showing a wall beside them instead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,7 @@ class RangesInTime:
             motion: where the robot was.
 
         Returns:
-            How far somebody is whom the range shows in that direction; None if it tells nothing.
+            How far somebody is whom a narrow sector shows in that direction; None if none does.
         """
         gap_s = self.t_s - t_s
         if abs(gap_s) > _LONGEST_S:
@@ -46,12 +48,11 @@ class RangesInTime:
         range_m = self.sectors.towards_m(bearing_rad)
         if range_m is None:
             return None
-        person_m = range_m + BODY_M
-        if abs(person_m - distance_m) > _GATE_M:
-            return person_m
-        seen_x, seen_y = pose.place(person_m, bearing_rad)
-        where = np.array([seen_x - vx_mps * gap_s, seen_y - vy_mps * gap_s])
-        # A range says nothing of where across the line of sight.
-        covariance = polar_covariance(pose.heading_rad + bearing_rad, 1.0, _SIGMA_M, 10.0)
-        place.update(where, covariance, t_s)
-        return person_m
+        if abs(range_m + BODY_M - distance_m) <= _GATE_M:
+            seen_x, seen_y = pose.place(range_m + BODY_M, bearing_rad)
+            where = np.array([seen_x - vx_mps * gap_s, seen_y - vy_mps * gap_s])
+            # A range says nothing of where across the line of sight.
+            covariance = polar_covariance(pose.heading_rad + bearing_rad, 1.0, _SIGMA_M, 10.0)
+            place.update(where, covariance, t_s)
+        narrow_m = self.sectors.towards_m(bearing_rad, _NARROW_RAD)
+        return None if narrow_m is None else narrow_m + BODY_M

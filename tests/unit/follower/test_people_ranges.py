@@ -69,3 +69,15 @@ def test_a_range_says_nothing_of_where_across_the_line_of_sight() -> None:
 
     assert math.atan2(y_m, x_m) == pytest.approx(bearing, abs=0.002)
     assert math.hypot(x_m, y_m) == pytest.approx(1.6 + BODY_M, abs=0.03)
+
+
+@pytest.mark.parametrize(("width_deg", "told_m"), [(10, 1.6 + BODY_M), (40, None)])
+def test_only_a_narrow_sector_tells_how_far_somebody_is(
+    width_deg: float, told_m: float | None
+) -> None:
+    motion = OwnMotion(delay_s=0.1, odometry_age_s=0.3)
+    motion.advance(1.0)
+    place = PlaceFilter(np.array([SEEN_M, 0.0]), np.eye(2) * 0.2**2, 1.0)
+    sector = RangeSector(bearing_rad=0.0, width_rad=math.radians(width_deg), distance_m=1.6)
+    ranges = Ranges(seq=0, sectors=(sector,))
+    assert RangesInTime(Sectors(ranges), 1.0).sharpen(place, 1.0, motion) == told_m
