@@ -51,7 +51,7 @@ def test_the_demo_says_that_boxes_of_the_simulator_need_no_detector(tmp_path: Pa
     code, _, err = heel("demo", "--out", str(tmp_path), "--detector", "ego", "--perception",
                         "simulated-boxes")  # fmt: skip
     assert code != 0
-    assert "add --perception pixels, or --scene" in err
+    assert "leave out --perception, or use --scene" in err
 
 
 def test_with_a_network_the_demo_sees_in_pixels_and_says_so(tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Runnin
     pytest.importorskip("panda3d", reason="the extra sim is not installed")
     out = tmp_path_factory.mktemp("demo")
     flags = ("--port", "0", "--scenario", "crowd", "--seed", "2", "--seconds", "150",
-             "--out", str(out))  # fmt: skip
+             "--perception", "simulated-boxes", "--out", str(out))  # fmt: skip
     with running("-m", "services", "demo", *flags) as process:
         page = re.compile(r"live page: (\S+)")
         wait_until(lambda: bool(page.search(process.stdout())) or not process.alive, "page", 40.0)
