@@ -14,6 +14,8 @@ _MEMORY_S = 1.0
 _LASTING_S = 1.0
 """Who crosses in front is gone by then; and what stands before somebody for longer hides them."""
 _LEAST, _MOST = 0.5, 1.25
+_NEAREST_M = 0.1
+"""A share of less than that says nothing; trackers may tell 0 m."""
 
 
 class BoxScale:
@@ -36,6 +38,8 @@ class BoxScale:
             measured_m: by the range in that direction.
             t_s: when it was, not before the last one's.
         """
+        if told_m < _NEAREST_M:
+            return
         dt_s = 0.0 if self._t_s is None else min(max(0.0, t_s - self._t_s), _LASTING_S)
         self._t_s = t_s
         off_m = measured_m - self.scale * told_m

@@ -8,6 +8,7 @@ import numpy as np
 
 from schemas import Blob, Blobs, Track
 from schemas.base import BoxXyxy
+from services.tracker.given_boxes.carry import CameraStep
 
 _CONFIRM_FRAMES = 3
 _REMEMBERED_S = 1.0
@@ -66,11 +67,15 @@ class SoughtTracker:
     def _miss(self, blobs: Blobs, dt_s: float) -> None:
         self._missed_frames += 1
         self._missed_s += dt_s
-        if self._box is not None and blobs.camera_motion is not None:
-            affine = np.array(blobs.camera_motion.affine).reshape(2, 3)
-            corners = np.array(self._box).reshape(2, 2) @ affine[:, :2].T + affine[:, 2]
-            left, top, right, bottom = corners.ravel().tolist()
-            self._box = (left, top, right, bottom)
+        if self._box is None or blobs.camera_motion is None:
+            return
+        before = _centre(self._box)
+        now = CameraStep.told(blobs.camera_motion).places(np.array([before]))[0].tolist()
+        x, y = now[0] - before[0], now[1] - before[1]
+        # Whatever a message says of the camera: a box out of all bounds ends no tracker.
+        by_the_frame = abs(now[0]) <= 2 * blobs.width and abs(now[1]) <= 2 * blobs.height
+        left, top, right, bottom = self._box
+        self._box = (left + x, top + y, right + x, bottom + y) if by_the_frame else None
 
     def _track(self, box: BoxXyxy) -> Track:
         left, top, right, bottom = box

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from schemas.base import BoxXyxy
 from services.detector.pointed.silhouette import ASPECT, reach
+from services.detector.pointed.view import scaled_part
 
 _HEIGHT = 72
 """Of the person, as looked at, pixels."""
@@ -39,11 +40,7 @@ def outline_box(image: NDArray[np.uint8], box: BoxXyxy) -> BoxXyxy:
     scale = _HEIGHT / height
     left, top = x - _ASIDE * height, box[1] - _ABOVE * height
     size = round(2 * _ASIDE * _HEIGHT), round((1 + _ABOVE + _BELOW) * _HEIGHT)
-    # Pixel centres: the affine maps corners of pixels.
-    affine = np.array([[scale, 0.0, -scale * left + 0.5 * scale - 0.5],
-                       [0.0, scale, -scale * top + 0.5 * scale - 0.5]])  # fmt: skip
-    view = cv2.warpAffine(image, affine, size, borderMode=cv2.BORDER_REPLICATE)
-    body = _body(np.asarray(view, np.uint8))
+    body = _body(scaled_part(image, left, top, scale, size))
     rows = np.flatnonzero(_widths(body, _MIDDLE) >= _LEAST_WIDTH * _HEIGHT)
     if not rows.size:
         return box

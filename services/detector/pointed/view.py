@@ -45,13 +45,21 @@ def view_around(
     scale = PERSON_PX / person_height
     columns, rows = size
     left, top = x - 0.5 * columns / scale, y - 0.5 * rows / scale
-    # Pixel centres: the affine maps corners of pixels.
-    affine = np.array([[scale, 0.0, -scale * left + 0.5 * scale - 0.5],
-                       [0.0, scale, -scale * top + 0.5 * scale - 0.5]])  # fmt: skip
-    view = cv2.warpAffine(image, affine, size, borderMode=cv2.BORDER_REPLICATE)
+    view = scaled_part(image, left, top, scale, size)
     inside = np.zeros((rows, columns), np.float32)
     first_row, first = max(0, round(-scale * top)), max(0, round(-scale * left))
     last_row = min(rows, round(scale * (image.shape[0] - top)))
     last = min(columns, round(scale * (image.shape[1] - left)))
     inside[first_row : max(first_row, last_row), first : max(first, last)] = 1.0
-    return View(np.asarray(view, np.uint8), inside, scale, left, top, image.shape[0])
+    return View(view, inside, scale, left, top, image.shape[0])
+
+
+def scaled_part(
+    image: NDArray[np.uint8], left: float, top: float, scale: float, size: tuple[int, int]
+) -> NDArray[np.uint8]:
+    """So many columns and rows from a corner on, enlarged; beyond the border its pixels go on."""
+    # Pixel centres: the affine maps corners of pixels.
+    affine = np.array([[scale, 0.0, -scale * left + 0.5 * scale - 0.5],
+                       [0.0, scale, -scale * top + 0.5 * scale - 0.5]])  # fmt: skip
+    part = cv2.warpAffine(image, affine, size, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(part, np.uint8)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from schemas import CameraMotion
 from services.tracker.given_boxes.geometry import FloatArray
 from services.tracker.given_boxes.track import Track
 
@@ -30,6 +31,11 @@ class CameraStep:
 
     matrix: FloatArray
     quality: float
+
+    @classmethod
+    def told(cls, motion: CameraMotion) -> CameraStep:
+        """As a message tells it."""
+        return cls(np.array(motion.affine).reshape(2, 3), motion.quality)
 
     def places(self, points: FloatArray) -> FloatArray:
         """Where (N, 2) points of the frame before are now."""

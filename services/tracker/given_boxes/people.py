@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schemas import Blobs, CameraMotion, Track
+from schemas import Blobs, Track
 from services.tracker.given_boxes.appearance import describe
 from services.tracker.given_boxes.box_tracker import BoxTracker
 from services.tracker.given_boxes.carry import CameraStep
@@ -63,14 +63,10 @@ class PeopleTracker:
             np.array([1.0 if blob.score is None else blob.score for blob in blobs.blobs]),
             self._t_s,
             describe([blob.patch.array() for blob in blobs.blobs]),
-            None if blobs.camera_motion is None else _step(blobs.camera_motion),
+            None if blobs.camera_motion is None else CameraStep.told(blobs.camera_motion),
         )
         known = sorted((output for output in found if output.track_id), key=lambda o: o.track_id)
         return [_track(output) for output in known]
-
-
-def _step(motion: CameraMotion) -> CameraStep:
-    return CameraStep(np.array(motion.affine).reshape(2, 3), motion.quality)
 
 
 def _track(output: TrackOutput) -> Track:

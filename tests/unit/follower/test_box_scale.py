@@ -37,3 +37,7 @@ def test_somebody_who_crosses_in_front_changes_nothing() -> None:
 def test_what_was_learned_of_something_in_front_is_forgotten_behind_it() -> None:
     scale = learned(2.0, lambda t_s: 1.0 if t_s < 5.0 else 2.0, 15.0)
     assert scale.scale == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_tracker_that_tells_no_distance_at_all_ends_nothing() -> None:
+    assert learned(0.0, lambda _: 1.0, 2.0).scale == 1.0

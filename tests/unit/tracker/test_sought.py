@@ -76,3 +76,19 @@ def test_only_one_can_be_sought_and_only_of_people() -> None:
     regions = frame(0, blob(10.0)).model_dump() | {"kind": "regions"}
     with pytest.raises(ValidationError, match="needs kind 'people'"):
         Blobs.model_validate(regions)
+
+
+@pytest.mark.parametrize(
+    "affine",
+    [
+        pytest.param((-1.0, 0.0, 0.0, 0.0, -1.0, 0.0), id="mirrored"),
+        pytest.param((1e8, 0.0, 0.0, 0.0, 1e8, 0.0), id="enlarged"),
+        pytest.param((1.0, 0.0, 1e9, 0.0, 1.0, 1e9), id="far away"),
+        pytest.param((0.0,) * 6, id="nothing"),
+    ],
+)
+def test_an_impossible_camera_ends_no_tracker(affine: tuple[float, ...]) -> None:
+    motion = CameraMotion.model_validate({"affine": affine, "quality": 1.0})
+    unseen = [frame(k, None, motion=motion) for k in range(4, 9)]
+    messages = play([*(frame(k, blob(10.0)) for k in range(4)), *unseen, frame(9, blob(10.0))])
+    assert messages[-1].tracks[0].id == 1
