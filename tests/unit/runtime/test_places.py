@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from schemas.errors import SettingsError
+from services.runtime.places import run_folder
+
+
+def test_the_named_folder_is_made_for_its_owner_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HEEL_RUNTIME_DIR", str(tmp_path / "a" / "run"))
+    folder = run_folder()
+    assert folder == tmp_path / "a" / "run"
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert run_folder() == folder
+
+
+def test_without_a_name_it_lies_in_the_session_s_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("HEEL_RUNTIME_DIR", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    assert run_folder() == tmp_path / "heel"
+
+
+def test_a_session_folder_that_is_not_there_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("HEEL_RUNTIME_DIR", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "missing"))
+    assert run_folder() == Path(f"/tmp/heel-{os.geteuid()}")
+
+
+def test_a_link_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "real").mkdir(mode=0o700)
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    monkeypatch.setenv("HEEL_RUNTIME_DIR", str(tmp_path / "link"))
+    with pytest.raises(SettingsError, match="is a link"):
+        run_folder()
+
+
+def test_a_folder_that_others_may_write_to_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "open").mkdir()
+    (tmp_path / "open").chmod(0o770)
+    monkeypatch.setenv("HEEL_RUNTIME_DIR", str(tmp_path / "open"))
+    with pytest.raises(SettingsError, match="others may write"):
+        run_folder()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a folder away")
+def test_a_folder_of_somebody_else_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "theirs").mkdir(mode=0o700)
+    os.chown(tmp_path / "theirs", 12345, 12345)
+    monkeypatch.setenv("HEEL_RUNTIME_DIR", str(tmp_path / "theirs"))
+    with pytest.raises(SettingsError, match="belongs to user 12345"):
+        run_folder()
+
+
+def test_what_cannot_be_made_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("HEEL_RUNTIME_DIR", str(tmp_path / "file" / "run"))
+    with pytest.raises(SettingsError, match=r"run folder .*name another"):
+        run_folder()
