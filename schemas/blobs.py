@@ -13,6 +13,7 @@ from schemas.base import (
     BoxXyxy,
     Count,
     Dimension,
+    Flag,
     Fraction,
     Message,
     Name,
@@ -67,6 +68,10 @@ class Blob(Part):
     score: Fraction | None = Field(
         default=None,
         description="how sure a detector of people is of this one; none: a foreground region",
+    )
+    proven: Flag = Field(
+        default=True,
+        description="false: nothing yet tells a person from a thing that looks like one",
     )
 
 

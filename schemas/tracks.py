@@ -45,6 +45,10 @@ class Track(Part):
     occluded_by: Annotated[tuple[PersonId, ...], Field(max_length=MAX_TRACKS), FailFast()] = ()
     missed_frames: Count = 0
     shown: Flag = Field(description="whether a user is shown this box and files receive it")
+    proven: Flag = Field(
+        default=True,
+        description="false: nothing yet tells a person from a thing; robots only turn to it",
+    )
     distance_m: NonNegative | None = Field(
         default=None, description="from the camera along the ground; none: not calibrated"
     )

@@ -204,6 +204,7 @@ class Follower:
             searching_s=now_s - self._since_s if self._name == "searching" else 0.0,
             looked_everywhere=target.track_id not in self._people.known
             or (self._search is not None and self._search.over),
+            proven=track is None or track.proven,
         )
 
     def _enter(self, name: FollowStateName, now_s: float) -> None:
@@ -220,9 +221,13 @@ class Follower:
         self._search = Search(pose, expected, last_seen, side, self.settings.search_sweep_rad)
 
     def _drive(self, now_s: float, dt_s: float) -> tuple[float, float]:
-        """Velocity of the present state: only three of them move, and `searching` on the spot."""
+        """Velocity of the present state: `following` and `occluded` drive, two turn on the spot."""
         if self._name == "searching" and self._search is not None:
             bearing_rad = self._search.bearing_rad(self._motion.pose_soon())
+            rate = self._controller.turn_to(bearing_rad, self.settings.search_radps)
+            return self._controller.turn(rate, dt_s)
+        if self._name == "acquiring" and self._may_be_a_thing():
+            bearing_rad = self._goal(now_s + self.settings.robot_delay_s).bearing_rad
             rate = self._controller.turn_to(bearing_rad, self.settings.search_radps)
             return self._controller.turn(rate, dt_s)
         if self._name not in ("following", "occluded"):
@@ -241,6 +246,11 @@ class Follower:
             people, target_id, way, now_s, self.state.linear_mps
         )
         return self._controller.follow(goal, ahead_m, behind_m, sidestep_rad, dt_s, seen)
+
+    def _may_be_a_thing(self) -> bool:
+        """Whether the target is in sight, but not proven to be a person."""
+        track = self._track()
+        return track is not None and not track.proven and track.id in self._people.seen
 
     def _goal(self, t_s: float) -> Goal:
         """The chosen person as seen when what is told now takes effect."""

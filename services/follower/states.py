@@ -1,7 +1,7 @@
 """The follower's states: one function each, from the situation to the next state and its reason.
 
 What overrules every state stands in `overruled`, in order: emergency stop, blind range sensor,
-nobody chosen, nothing seen yet, stale tracks.
+nobody chosen, nothing seen yet, stale tracks, a target that may be a thing.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ class Situation:
         unseen_s: since the person was last seen, infinite if never.
         searching_s: since the search began.
         looked_everywhere: whether the search has been everywhere.
+        proven: whether the target is known to be a person at all.
     """
 
     estop: bool
@@ -45,6 +46,7 @@ class Situation:
     unseen_s: float
     searching_s: float
     looked_everywhere: bool
+    proven: bool = True
 
 
 def next_state(present: FollowStateName, now: Situation, settings: FollowerSettings) -> Step:
@@ -66,6 +68,8 @@ def overruled(now: Situation, settings: FollowerSettings) -> Step | None:
         return "lost", f"tracks are older than {settings.max_tracks_age_s:g} s"
     if now.target_id is None:
         return "acquiring", now.chosen_reason[:96]
+    if not now.proven and now.sight in ("clear", "doubtful"):
+        return "acquiring", "no proof yet that this is a person: turning only"
     return None
 
 

@@ -29,6 +29,7 @@ class SoughtTracker:
         self._id = next_id
         self._box: BoxXyxy | None = None
         self._confidence = 0.0
+        self._proven = False
         self._velocity = (0.0, 0.0)
         self._seen_frames = self._missed_frames = 0
         self._missed_s = 0.0
@@ -61,6 +62,7 @@ class SoughtTracker:
             self._velocity = (speed[0], speed[1])
         self._box = blob.box_xyxy
         self._confidence = 1.0 if blob.score is None else blob.score
+        self._proven = blob.proven
         self._seen_frames += 1
         self._missed_frames, self._missed_s = 0, 0.0
 
@@ -91,6 +93,7 @@ class SoughtTracker:
             identity_confidence=self._confidence,
             missed_frames=self._missed_frames,
             shown=confirmed and seen,
+            proven=self._proven,
         )
 
 

@@ -53,6 +53,26 @@ def test_a_chosen_person_in_sight_is_followed() -> None:
     assert command.linear_mps > 0.3
 
 
+def test_what_is_not_proven_to_be_a_person_is_only_turned_to() -> None:
+    thing = tracks(person(1, x=500.0, height=FAR, proven=False, identity_confidence=0.5))
+    made = following(thing)
+    commands = [drive(made, 0.0) for _ in range(150)]
+    assert {command.state for command in commands} == {"acquiring"}
+    assert {command.linear_mps for command in commands} == {0.0}
+    assert commands[-1].angular_radps < -0.1
+    assert "turning only" in commands[-1].reason
+    gone = drive(made, seen=tracks())
+    assert is_zero(gone)
+
+
+def test_proof_lets_the_robot_drive_and_a_doubt_of_it_stops_it_at_once() -> None:
+    made = following()
+    assert drive(made).linear_mps > 0.3
+    doubted = drive(made, 0.0, seen=tracks(person(1, height=FAR, proven=False)))
+    assert (doubted.state, doubted.linear_mps) == ("acquiring", 0.0)
+    assert drive(made, seen=tracks(person(1, height=FAR))).linear_mps > 0.3
+
+
 def test_nobody_is_followed_unasked() -> None:
     made = follower()
     made.observe(tracks(person(height=FAR)), TRACKER)

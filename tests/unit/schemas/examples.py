@@ -78,7 +78,7 @@ EXAMPLES: tuple[Message, ...] = (
             Blob(
                 box_xyxy=(0.0, 0.5, 2.0, 2.0), area_px=2.5, centroid=(1.0, 1.25),
                 patch=Patch(width=2, height=1, bgr=b"\x01\x02\x03\xfd\xfe\xff"),
-                score=0.875,
+                score=0.875, proven=False,
             ),
         ),
         kind="people", sought=3,
@@ -98,6 +98,7 @@ EXAMPLES: tuple[Message, ...] = (
             Track(
                 id=8, state="lost", box_xyxy=(1.0, 0.0, 3.0, 2.0), velocity_pxps=(0.0, 0.0),
                 area_px=4.0, span_px=2.0, identity_confidence=0.5, missed_frames=3, shown=False,
+                proven=False,
             ),
         ),
         occlusion=True,

@@ -15,10 +15,10 @@ from services.tracker.settings import TrackerSettings
 _PATCH = Patch.from_array(np.zeros((2, 2, 3), np.uint8))
 
 
-def blob(left: float, score: float = 0.9) -> Blob:
+def blob(left: float, score: float = 0.9, proven: bool = True) -> Blob:
     return Blob(
         box_xyxy=(left, 100.0, left + 40.0, 200.0), area_px=4000.0, centroid=(left + 20.0, 150.0),
-        patch=_PATCH, score=score,
+        patch=_PATCH, score=score, proven=proven,
     )  # fmt: skip
 
 
@@ -42,6 +42,13 @@ def test_they_are_shown_from_the_third_frame_on() -> None:
     tracks = [message.tracks[0] for message in play([frame(k, blob(10.0)) for k in range(4)])]
     assert [track.state for track in tracks] == ["new", "new", "tracked", "tracked"]
     assert [track.shown for track in tracks] == [False, False, True, True]
+
+
+def test_whether_they_are_proven_is_passed_on_as_it_is_told() -> None:
+    told = [False, False, False, True, True, False]
+    frames = [frame(k, blob(10.0, proven=proven)) for k, proven in enumerate(told)]
+    tracks = [message.tracks[0] for message in play([*frames, frame(6, None)])]
+    assert [track.proven for track in tracks] == [*told, False]
 
 
 def test_they_keep_their_id_wherever_and_whenever_they_come_back() -> None:
