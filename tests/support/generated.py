@@ -20,7 +20,7 @@ def valid_maps(name: str) -> st.SearchStrategy[dict[str, Any]]:
     made = _object(contract, contract.get("$defs", {}))
     beyond_schema = {
         "target-request": made.filter(_is_complete),
-        "blobs": made.map(with_boxes_by_the_frame).map(_with_one_sought),
+        "blobs": made.map(with_boxes_by_the_frame).map(_with_scores).map(_with_one_sought),
     }  # fmt: skip
     return beyond_schema.get(name, made)
 
@@ -35,6 +35,15 @@ def with_boxes_by_the_frame(fields: dict[str, Any]) -> dict[str, Any]:
         return blob | {"box_xyxy": [left, top, right, bottom]}
 
     return fields | {"blobs": [inside(blob) for blob in fields.get("blobs", [])]}
+
+
+def _with_scores(fields: dict[str, Any]) -> dict[str, Any]:
+    """The blobs message with a score for everybody, where its blobs are people."""
+    if fields.get("kind") != "people":
+        return fields
+    scored = [blob if blob.get("score") is not None else blob | {"score": 0.5}
+              for blob in fields["blobs"]]  # fmt: skip
+    return fields | {"blobs": scored}
 
 
 def _with_one_sought(fields: dict[str, Any]) -> dict[str, Any]:
