@@ -14,6 +14,7 @@ from schemas.base import (
     Message,
     NonNegative,
     PersonId,
+    Point,
     Real,
     Text,
     TimeNs,
@@ -126,6 +127,20 @@ class FollowState(Message):
     distance_m: NonNegative | None = Field(default=None, description="of the target, if in sight")
     bearing_rad: Real | None = Field(default=None, description="of the target, left is positive")
     identity_confidence: Fraction | None = Field(default=None, description="of the target")
+    runner_up_confidence: Fraction | None = Field(
+        default=None, description="that somebody else is the target: the best other known person"
+    )
+    speed_reason: Annotated[str, Field(strict=True, max_length=96)] = Field(
+        default="", description="what bounds the speed; empty: nothing moves, `reason` says why"
+    )
+    pending_point_px: Point | None = Field(
+        default=None,
+        description="where somebody is looked for who was pointed at, carried along with the "
+        "picture, in the newest frame",
+    )
+    pending_for_s: NonNegative | None = Field(
+        default=None, description="for how much longer somebody is looked for there"
+    )
     obstacle_watch: Flag = Field(
         default=False, description="whether fresh ranges cap the speed; if not, nothing does"
     )

@@ -29,6 +29,20 @@ class Body:
     margin_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class Room:
+    """How far the robot may go.
+
+    Attributes:
+        ahead_m, behind_m: infinite where nothing says otherwise.
+        ahead_ends_at: what the way ahead ends at, in words.
+    """
+
+    ahead_m: float
+    behind_m: float
+    ahead_ends_at: str
+
+
 class Sectors:
     """Ranges as arrays: they are asked about several directions fifty times a second."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from services.follower.clearance import speed_to_stop_within_mps
+from services.follower.clearance import Room, speed_to_stop_within_mps
 from services.follower.limits import LimitedVelocity
 from services.follower.settings import FollowerSettings
 
@@ -16,6 +16,10 @@ _STANDING_MPS = 0.15
 _NEAR_M = 0.5
 _TOO_NEAR_M = 0.4
 """Nearer than wished by so much, nobody is followed on."""
+_AS_WISHED_MPS = 0.05
+"""Speeds that differ by less are the same for whoever is told why."""
+_TURNS_FIRST = 0.75
+"""Share of the speed that is left by the bearing, below which turning is what holds it up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +60,8 @@ class VelocityController:
         self._angular = LimitedVelocity(
             s.max_angular_radps2, s.max_angular_radps2, s.max_angular_radps3
         )
+        self.speed_reason = ""
+        """What bounds the speed that was told last; empty while nothing moves."""
 
     @property
     def linear_mps(self) -> float:
@@ -66,40 +72,37 @@ class VelocityController:
         """Zero velocity at once."""
         self._linear.stop()
         self._angular.stop()
+        self.speed_reason = ""
         return 0.0, 0.0
 
     def follow(
-        self,
-        goal: Goal,
-        room_m: float,
-        room_behind_m: float,
-        sidestep_rad: float,
-        dt_s: float,
-        seen: bool = True,
+        self, goal: Goal, room: Room, sidestep_rad: float, dt_s: float, seen: bool = True
     ) -> tuple[float, float]:
         """Linear (m/s) and angular (rad/s) velocity for the next `dt_s` seconds.
 
         Args:
             goal: the person.
-            room_m: how far the robot may go ahead, may be infinite.
-            room_behind_m: how far it may back off.
+            room: how far the robot may go ahead and back.
             sidestep_rad: by how much to head beside the person.
             dt_s: since the last command.
             seen: whether the person is; after somebody who is not the robot goes no faster.
         """
-        wished = self._wished_linear(goal)
-        wished = wished if seen else min(wished, max(self.linear_mps, 0.0))
-        linear = self._forward(wished, room_m, room_behind_m, dt_s)
+        wished, why = self._wished_linear(goal)
+        if not seen and wished > max(self.linear_mps, 0.0):
+            wished, why = max(self.linear_mps, 0.0), "no faster after somebody out of sight"
+        linear = self._forward(wished, why, room, dt_s)
         angular = self._turn(self._wished_angular(goal, linear, sidestep_rad), dt_s)
         return linear, angular
 
     def brake_and_turn(self, angular_radps: float, dt_s: float) -> tuple[float, float]:
         """Come to a stop as fast as the limits allow, and turn as told."""
+        self.speed_reason = "out of sight: braking"
         return self._linear.towards(0.0, dt_s), self._turn(angular_radps, dt_s)
 
     def turn(self, angular_radps: float, dt_s: float) -> tuple[float, float]:
         """Turn on the spot."""
         self._linear.stop()
+        self.speed_reason = "turning on the spot"
         return 0.0, self._turn(angular_radps, dt_s)
 
     def turn_to(self, bearing_rad: float, at_most_radps: float) -> float:
@@ -108,7 +111,7 @@ class VelocityController:
         angular = s.angular_gain_per_s * _outside(bearing_rad, s.bearing_deadband_rad)
         return min(max(angular, -at_most_radps), at_most_radps)
 
-    def _wished_linear(self, goal: Goal) -> float:
+    def _wished_linear(self, goal: Goal) -> tuple[float, str]:
         s = self._settings
         distance_m, bearing_rad = goal.distance_m, goal.bearing_rad
         error_m = _outside(distance_m - s.distance_m, s.distance_deadband_m)
@@ -120,7 +123,14 @@ class VelocityController:
         ahead_mps = share * _faded_in(away_mps, _STANDING_MPS)
         wished = s.linear_gain_per_s * error_m + min(ahead_mps, away_mps)
         # Nothing is driven at what is more than 45 degrees off: the robot turns on the spot.
-        return wished * max(0.0, math.cos(2.0 * bearing_rad)) * (abs(bearing_rad) < math.pi / 4)
+        towards = max(0.0, math.cos(2.0 * bearing_rad)) * (abs(bearing_rad) < math.pi / 4)
+        if towards < _TURNS_FIRST:
+            why = "turning first"
+        elif wished <= _AS_WISHED_MPS:
+            why = "at the wished distance" if error_m >= 0.0 else "nearer than wished"
+        else:
+            why = "keeping the distance" if error_m <= 0.0 else "closing up"
+        return wished * towards, why
 
     def _wished_angular(self, goal: Goal, linear_mps: float, sidestep_rad: float) -> float:
         """Bearing error, and how fast the person passes by; unreliable when they are near."""
@@ -130,17 +140,25 @@ class VelocityController:
         error = _outside(goal.bearing_rad + sidestep_rad, s.bearing_deadband_rad)
         return s.angular_gain_per_s * error + _outside(passing_radps, 0.05)
 
-    def _forward(self, wished: float, room_m: float, room_behind_m: float, dt_s: float) -> float:
+    def _forward(self, wished: float, why: str, room: Room, dt_s: float) -> float:
         s = self._settings
-        ahead, behind = self._allowed(room_m), self._allowed(room_behind_m)
+        ahead, behind = self._allowed(room.ahead_m), self._allowed(room.behind_m)
+        if wished > min(s.max_linear_mps, ahead):
+            why = "speed limit" if s.max_linear_mps <= ahead else room.ahead_ends_at
         wished = min(max(wished, -min(s.max_reverse_mps, behind)), min(s.max_linear_mps, ahead))
+        self.speed_reason = why
         present = self._linear.velocity
-        room = room_m if present > 0 else room_behind_m
+        room_m = room.ahead_m if present > 0 else room.behind_m
         # Too late to brake within the limits: something has just appeared.
-        if present * present > 2 * s.max_braking_mps2 * room:
+        if present * present > 2 * s.max_braking_mps2 * room_m:
             self._linear.stop()
+            self.speed_reason = room.ahead_ends_at if present > 0 else "something behind"
             return 0.0
-        return self._linear.towards(wished, dt_s)
+        linear = self._linear.towards(wished, dt_s)
+        if abs(linear - wished) > _AS_WISHED_MPS:
+            verb = "speeding up" if abs(wished) > abs(linear) else "slowing down"
+            self.speed_reason = f"{verb}: {why}"
+        return linear
 
     def _turn(self, wished: float, dt_s: float) -> float:
         limit = self._settings.max_angular_radps

@@ -238,14 +238,14 @@ class Follower:
             return self._controller.brake_and_turn(rate, dt_s)
         people, target_id, pose = self._people, self.target.track_id, self._motion.pose
         seen = self._name == "following"
-        ahead_m, behind_m = self._surroundings.room_m(
+        room = self._surroundings.room(
             people, target_id, pose, now_s, self.state.angular_radps, seen
         )
         way = replace(pose, heading_rad=pose.heading_rad + goal.bearing_rad)
         sidestep_rad = self._surroundings.sidestep_rad(
             people, target_id, way, now_s, self.state.linear_mps
         )
-        return self._controller.follow(goal, ahead_m, behind_m, sidestep_rad, dt_s, seen)
+        return self._controller.follow(goal, room, sidestep_rad, dt_s, seen)
 
     def _may_be_a_thing(self) -> bool:
         """Whether the target is in sight, but not proven to be a person."""
@@ -285,5 +285,7 @@ class Follower:
             distance_m=None if seen is None else math.hypot(ahead_m, left_m),
             bearing_rad=None if seen is None else math.atan2(left_m, ahead_m),
             identity_confidence=None if track is None else track.identity_confidence,
+            runner_up_confidence=None if track is None else track.runner_up_confidence,
+            speed_reason=self._controller.speed_reason,
             obstacle_watch=free_m is not None, free_distance_m=free_m,
         )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from services.follower.clearance import BODY_M, Body, Sectors, room_before_person_m
+from services.follower.clearance import BODY_M, Body, Room, Sectors, room_before_person_m
 from services.follower.own_motion import Pose
 from services.follower.people import People
 from services.follower.settings import FollowerSettings
@@ -20,6 +20,8 @@ _GREATEST_SIDESTEP_RAD = 0.35
 """Keeps the target in the picture of a camera with 60 degrees."""
 _CURVE_S = 0.3
 """A turning robot also looks where it will be heading by then."""
+_TARGETS_SPACE, _OTHERS_SPACE = "personal space", "somebody else is in the way"
+_OBSTACLE = "obstacle ahead"
 
 
 class Surroundings:
@@ -46,11 +48,11 @@ class Surroundings:
             return None
         return self._sectors.free_m(self._body)
 
-    def room_m(
+    def room(
         self, people: People, target_id: int | None, pose: Pose, now_s: float,
         angular_radps: float, seen: bool,
-    ) -> tuple[float, float]:  # fmt: skip
-        """How far the robot may go ahead and back, infinite where nothing says otherwise.
+    ) -> Room:  # fmt: skip
+        """How far the robot may go ahead and back.
 
         Args:
             people: everybody in sight.
@@ -61,23 +63,27 @@ class Surroundings:
             seen: whether the target is. Out of sight they may stand nearer than they would by now:
                 whatever ranges show in their direction is kept from as they are.
         """
-        ahead_m = behind_m = math.inf
+        ways = [(math.inf, "")]
         for person in people.known.values():
             place = pose.seen(*person.filter.place_at(now_s))
             velocity = pose.turned(*person.filter.velocity)
-            margin_m = _TARGET_MARGIN_M if person.id == target_id else _OTHERS_MARGIN_M
+            is_target = person.id == target_id
+            margin_m = _TARGET_MARGIN_M if is_target else _OTHERS_MARGIN_M
             space_m = self._settings.personal_space_m + margin_m
-            ahead_m = min(ahead_m, room_before_person_m(place, velocity, space_m))
-            if person.id == target_id and not seen:
+            whose = _TARGETS_SPACE if is_target else _OTHERS_SPACE
+            ways.append((room_before_person_m(place, velocity, space_m), whose))
+            if is_target and not seen:
                 nearer = self._something_towards(place)
-                ahead_m = min(ahead_m, room_before_person_m(nearer, velocity, space_m))
+                ways.append((room_before_person_m(nearer, velocity, space_m), whose))
+        behind_m = math.inf
         if self._sectors is not None:
             for direction_rad in (0.0, angular_radps * _CURVE_S):
                 free_m = self._sectors.free_m(self._body, direction_rad)
-                ahead_m = min(ahead_m, math.inf if free_m is None else free_m)
+                ways.append((math.inf if free_m is None else free_m, _OBSTACLE))
             # Who has ranges but none behind does not back into the unknown.
             behind_m = self._sectors.free_m(self._body, math.pi) or 0.0
-        return ahead_m, behind_m
+        ahead_m, ends_at = min(ways, key=lambda way: way[0])
+        return Room(ahead_m, behind_m, ends_at)
 
     def _something_towards(self, place: tuple[float, float]) -> tuple[float, float]:
         """What ranges show in the direction of a place, or the place itself if that is nearer."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from schemas import HeelError, MotionCommand, TargetRequest, Tracks
+from schemas import HeelError, MotionCommand, TargetRequest, Track, Tracks
 from services.follower.core import Follower
 from services.follower.settings import FollowerSettings
 from services.follower.target import NobodyThereError, TargetError
@@ -315,3 +315,33 @@ def test_a_point_at_which_nobody_is_tracked_is_told_to_the_detector() -> None:
     assert (pointed.x_px, pointed.y_px, pointed.frame.seq) == (5, 6, 7)
     assert (pointed.width, pointed.height) == (640, 480)
     assert follower().pointed(click) is None, "without tracks there is no frame to point at"
+
+
+@pytest.mark.parametrize(
+    ("seen", "expected"),
+    [
+        (person(1, height=FAR), "speed limit"),
+        (person(1, distance_m=1.6), "at the wished distance"),
+        (person(1, distance_m=1.0), "nearer than wished"),
+        (person(1, distance_m=2.5, bearing_rad=0.7), "turning first"),
+    ],
+)
+def test_the_state_says_what_bounds_the_speed(seen: Track, expected: str) -> None:
+    made = following(tracks(seen))
+    drive(made, 0.4)
+    assert made.state.speed_reason.endswith(expected)
+
+
+def test_somebody_in_the_way_and_nothing_that_moves_are_told_apart() -> None:
+    made = following(tracks(person(1, height=FAR), person(2, distance_m=1.3, bearing_rad=0.0)))
+    drive(made)
+    assert made.state.speed_reason == "somebody else is in the way"
+    made.set_estop(True)
+    drive(made, 0.1)
+    assert made.state.speed_reason == ""
+
+
+def test_the_state_tells_how_likely_somebody_else_is_the_target() -> None:
+    made = following(tracks(person(1, runner_up_confidence=0.25)))
+    drive(made)
+    assert made.state.runner_up_confidence == 0.25
