@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from schemas.errors import HeelError, SettingsError
+from services.runtime.logs import printable
 
 _SHARED_MEMORY = Path("/dev/shm")
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
@@ -55,7 +56,7 @@ def _worker(work: Callable[[], None]) -> int:
     try:
         work()
     except HeelError as error:
-        sys.stderr.write(f"heel: {error}\n")
+        sys.stderr.write(f"heel: {printable(str(error))}\n")
         code = 2 if isinstance(error, SettingsError) else 1
     except SystemExit as error:
         code = error.code if isinstance(error.code, int) else 1

@@ -15,6 +15,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from schemas.errors import HeelError, SettingsError
+from services.runtime.logs import printable
 from services.runtime.process import leave
 from services.runtime.settings import Loaded, LogSettings, ZenohSettings, load_settings
 
@@ -149,7 +150,7 @@ def run_app(app: typer.Typer) -> None:
     try:
         app()
     except HeelError as error:
-        sys.stderr.write(f"heel: {error}\n")
+        sys.stderr.write(f"heel: {printable(str(error))}\n")
         sys.exit(2 if isinstance(error, SettingsError) else 1)
     except BrokenPipeError:
         # The reader went away (`heel status | head`): nothing is left to be told.

@@ -1,4 +1,9 @@
-"""Logging set-up: text for people, JSON lines for machines, one formatter for everything."""
+"""Logging set-up: text for people, JSON lines for machines, one formatter for everything.
+
+Much of what is logged came over the wire from somebody who need not mean well. So no character
+gets through that a terminal obeys, no line break that makes a second line, no text without end,
+and no flood.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,43 @@ import time
 from services.runtime.settings import LogSettings
 
 _STANDARD = frozenset(vars(logging.LogRecord("", 0, "", 0, "", None, None))) | {"message"}
+LONGEST_TEXT = 1000
+"""Characters of a message that are written; chosen by hand, longer than any of ours."""
+_LINES_PER_KIND = 5
+_LINES_IN_ALL = 60
+_MAX_KINDS = 256
+
+
+def printable(text: str, longest: int = LONGEST_TEXT) -> str:
+    r"""A text from elsewhere as one line that a terminal only shows: `\x1b` in place of an escape.
+
+    Control characters, line breaks, direction marks and lone surrogates are spelled out; what is
+    longer than `longest` characters is cut.
+    """
+    if len(text) > longest:
+        text = text[: longest - 3] + "..."
+    if text.isprintable():
+        return text
+    return "".join(
+        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
+    )
+
+
+class TextLines(logging.Formatter):
+    """One line a record for people; a traceback follows indented, so that it is no line itself."""
+
+    def __init__(self) -> None:
+        super().__init__("%(asctime)s %(levelname)-7s %(name)s: %(message)s", "%H:%M:%S")
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802
+        """Render the one line."""
+        record.message = printable(record.message)
+        return super().formatMessage(record)
+
+    def formatException(self, ei: logging._SysExcInfoType) -> str:  # noqa: N802
+        """Render the traceback."""
+        lines = super().formatException(ei).splitlines()
+        return "\n".join(f"    {printable(line)}" for line in lines)
 
 
 class JsonLines(logging.Formatter):
@@ -22,7 +64,7 @@ class JsonLines(logging.Formatter):
             + f".{int(record.msecs):03d}Z",
             "level": record.levelname.lower(),
             "logger": record.name,
-            "message": record.getMessage(),
+            "message": record.getMessage()[:LONGEST_TEXT],
         }
         line |= {key: value for key, value in vars(record).items() if key not in _STANDARD}
         if record.exc_info:
@@ -30,16 +72,48 @@ class JsonLines(logging.Formatter):
         return json.dumps(line, default=str)
 
 
+class FloodGuard(logging.Filter):
+    """Lets five lines of a kind through per second and counts the rest.
+
+    A kind is a logger and a message before its values are filled in: "e-stop %s by %s". Whoever
+    sends ten thousand stops gets ten thousand stops obeyed, and not a megabyte written. All kinds
+    together get 60 lines per second; an error is always written, as one of its kind.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._second = 0
+        self._lines = 0
+        self._kinds: dict[tuple[str, str], int] = {}
+        self._held_back: dict[tuple[str, str], int] = {}
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether this record is to be written; may add to it how many were not."""
+        second = int(record.created)
+        if second != self._second:
+            self._second, self._lines = second, 0
+            self._kinds.clear()
+        kind = (record.name, str(record.msg)[:LONGEST_TEXT])
+        lines = self._kinds.get(kind, 0)
+        full = self._lines >= _LINES_IN_ALL and record.levelno < logging.ERROR
+        if full or lines >= _LINES_PER_KIND:
+            if kind in self._held_back or len(self._held_back) < _MAX_KINDS:
+                self._held_back[kind] = self._held_back.get(kind, 0) + 1
+            return False
+        self._lines += 1
+        if len(self._kinds) < _MAX_KINDS:
+            self._kinds[kind] = lines + 1
+        if held_back := self._held_back.pop(kind, 0):
+            record.msg, record.args = f"{record.getMessage()} ({held_back} more like it)", None
+        return True
+
+
 def set_up_logging(settings: LogSettings, service: str) -> logging.Logger:
     """Send every logger to standard error and return the service's own."""
     handler = logging.StreamHandler(sys.stderr)
+    handler.addFilter(FloodGuard())
     as_text = settings.format == "text" or (settings.format == "auto" and sys.stderr.isatty())
-    if as_text:
-        handler.setFormatter(
-            logging.Formatter("%(asctime)s %(levelname)-7s %(name)s: %(message)s", "%H:%M:%S")
-        )
-    else:
-        handler.setFormatter(JsonLines())
+    handler.setFormatter(TextLines() if as_text else JsonLines())
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(settings.level.upper())

@@ -6,11 +6,12 @@ import io
 import json
 import logging
 import sys
+import time
 from collections.abc import Iterator
 
 import pytest
 
-from services.runtime.logs import OncePerSecond, set_up_logging
+from services.runtime.logs import OncePerSecond, printable, set_up_logging
 from services.runtime.settings import LogSettings
 
 
@@ -99,3 +100,64 @@ def test_endless_new_kinds_do_not_fill_the_memory() -> None:
     for kind in range(1000):
         warn.warning(f"kind {kind}", "x", 0.0)
     assert len(warn._last_s) <= 8
+
+
+HOSTILE = "svc/a\x1b[2J\n14:00:00 ERROR   heel.drive: on fire\r\u202e\ud800/health" + "k" * 50_000
+
+
+def test_text_from_the_wire_is_one_bounded_line_that_no_terminal_obeys(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    log, stream = written(monkeypatch, LogSettings(format="text"), io.StringIO())
+    log.warning("%s: refused", HOSTILE)
+    try:
+        raise ValueError(HOSTILE)
+    except ValueError:
+        log.exception("failed")
+    first, second, *traceback = stream.getvalue().splitlines()
+    assert r"\x1b[2J\n14:00:00 ERROR" in first
+    assert second.endswith("heel.tracker: failed")
+    assert all(line.startswith("    ") for line in traceback)
+    assert stream.getvalue().replace("\n", "").isprintable()
+    assert len(stream.getvalue()) < 6000
+
+
+def test_json_lines_are_bounded_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    log, stream = written(monkeypatch, LogSettings(format="json"), io.StringIO())
+    log.warning("%s: refused", HOSTILE)
+    assert len(stream.getvalue().splitlines()) == 1
+    assert len(stream.getvalue()) < 2000
+
+
+def test_a_plain_text_stays_as_it_is() -> None:
+    assert printable("größer als 3 m: „nein“ [/foo]") == "größer als 3 m: „nein“ [/foo]"
+
+
+def test_a_flood_of_one_kind_is_counted_and_other_kinds_get_through(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(time, "time", lambda: 1000.25)
+    monkeypatch.setattr(time, "time_ns", lambda: 1_000_250_000_000)
+    log, stream = written(monkeypatch, LogSettings(format="text"), io.StringIO())
+    for number in range(10_000):
+        log.warning("e-stop engaged by %s", f"flooder {number}")
+    log.warning("another kind")
+    assert len(stream.getvalue().splitlines()) == 6
+    assert "another kind" in stream.getvalue()
+    monkeypatch.setattr(time, "time", lambda: 1001.25)
+    monkeypatch.setattr(time, "time_ns", lambda: 1_001_250_000_000)
+    log.warning("e-stop engaged by %s", "a person")
+    assert "by a person (9995 more like it)" in stream.getvalue()
+
+
+def test_a_flood_of_ever_new_kinds_is_bounded_and_an_error_is_still_written(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(time, "time", lambda: 1000.25)
+    monkeypatch.setattr(time, "time_ns", lambda: 1_000_250_000_000)
+    log, stream = written(monkeypatch, LogSettings(format="text"), io.StringIO())
+    for number in range(10_000):
+        log.warning(f"kind {number}")
+    log.error("why the service ends")
+    assert len(stream.getvalue().splitlines()) <= 61
+    assert "why the service ends" in stream.getvalue()
