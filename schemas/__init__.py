@@ -11,15 +11,16 @@ from schemas.blobs import Blob, Blobs, CameraMotion, Evidence, Patch
 from schemas.codec import decode, encode
 from schemas.errors import HeelError, KeyNameError, MessageError, SettingsError, SourceError
 from schemas.follow import EStop, FollowState, MotionCommand, Pointed, Target, TargetRequest
-from schemas.frame import CameraInfo, EndOfStream, FrameId, Header, Progress, Stamp
+from schemas.frame import CameraInfo, EndOfStream, FrameId, Header, Progress, Stamp, Taken
 from schemas.health import Health
 from schemas.robot import DriveState, Odometry, Ranges, RangeSector
 from schemas.simulation import Pose, SimObstacle, SimPerson, SimTruth, SimWorld
 from schemas.tracks import Track, Tracks
 
 MESSAGES: tuple[type[Message], ...] = (
-    Header, Stamp, CameraInfo, Blobs, Tracks, MotionCommand, TargetRequest, Target, Pointed, EStop,
-    FollowState, Odometry, Ranges, DriveState, SimTruth, SimWorld, Health, EndOfStream, Progress,
+    Header, Stamp, Taken, CameraInfo, Blobs, Tracks, MotionCommand, TargetRequest, Target, Pointed,
+    EStop, FollowState, Odometry, Ranges, DriveState, SimTruth, SimWorld, Health,
+    EndOfStream, Progress,
 )  # fmt: skip
 """Every message type, in the order of the documentation."""
 
@@ -28,5 +29,6 @@ __all__ = [
     "Evidence", "FollowState", "FrameId", "Header", "Health", "HeelError", "KeyNameError",
     "Message", "MessageError", "MotionCommand", "Odometry", "Patch", "Pointed", "Pose", "Progress",
     "RangeSector", "Ranges", "SettingsError", "SimObstacle", "SimPerson", "SimTruth", "SimWorld",
-    "SourceError", "Stamp", "Target", "TargetRequest", "Track", "Tracks", "decode", "encode",
+    "SourceError", "Stamp", "Taken", "Target", "TargetRequest", "Track", "Tracks", "decode",
+    "encode",
 ]  # fmt: skip

@@ -72,6 +72,25 @@ class Stamp(Message):
     )
 
 
+class Taken(Message):
+    """When a frame was taken, told at once and past everything that works on its pixels.
+
+    Who follows bounds the age of a frame with it, so that time spent on links counts as well. Live
+    only.
+    """
+
+    schema_name: ClassVar[str] = "taken"
+    max_bytes: ClassVar[int] = 512
+
+    stream: Name
+    epoch: Count
+    seq: Count
+    clock: Annotated[str, Field(strict=True, pattern=r"^[0-9a-f-]{1,64}$")] = Field(
+        description="whose monotonic clock it is: equal on one host since one boot"
+    )
+    monotonic_ns: TimeNs = Field(description="acquisition, on that clock")
+
+
 class CameraInfo(Message):
     """What is known of the camera. Latched."""
 

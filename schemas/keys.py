@@ -51,6 +51,11 @@ def info(camera: str) -> str:
     return f"cam/{chunk(camera, 'camera')}/info"
 
 
+def taken(camera: str) -> str:
+    """`Taken`, one per frame of a live run, as soon as the frame is there."""
+    return f"cam/{chunk(camera, 'camera')}/taken"
+
+
 def blobs(camera: str) -> str:
     """`Blobs`, one per frame, also when empty."""
     return f"cam/{chunk(camera, 'camera')}/blobs"

@@ -8,7 +8,17 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from schemas import CameraInfo, EndOfStream, HeelError, MessageError, Progress, decode, encode, keys
+from schemas import (
+    CameraInfo,
+    EndOfStream,
+    HeelError,
+    MessageError,
+    Progress,
+    Taken,
+    decode,
+    encode,
+    keys,
+)
 from schemas.image import MAX_IMAGE_BYTES
 from services.capture.credit import CreditWindow
 from services.capture.describe import mounting
@@ -18,6 +28,7 @@ from services.capture.settings import CaptureSettings
 from services.capture.source import Frame, FrameSource, SourceTimeout
 from services.capture.sources import open_source
 from services.runtime import qos
+from services.runtime.clock import monotonic_clock
 from services.runtime.frame_memory import FrameMemory
 from services.runtime.images import ImageCoding, StreamIdentity, pack_image
 from services.runtime.pacing import Pacer
@@ -52,6 +63,7 @@ class CaptureService:
             context.settings.await_consumers, self._identity.epoch, qos.LOSSLESS_WINDOW_FRAMES
         )
         self._out = context.publisher(keys.image(context.settings.camera), qos.IMAGE)
+        self._taken = context.publisher(keys.taken(context.settings.camera), qos.TAKEN)
         self._memory: FrameMemory | None = None
         if context.shared_memory and context.settings.image_encoding == "raw":
             frames = qos.LOSSLESS_WINDOW_FRAMES + 2 if self._lossless else _LIVE_FRAMES
@@ -141,7 +153,10 @@ class CaptureService:
         acquired_ns = frame.acquired_ns or started_ns
         now_ns = time.monotonic_ns()
         # A frozen or covered camera goes stale for everybody behind, and the robot stops.
-        age_ns = 0 if self._lossless else max(0, now_ns - (frame.new_ns or acquired_ns))
+        seen_ns = frame.new_ns or acquired_ns
+        age_ns = 0 if self._lossless else max(0, now_ns - seen_ns)
+        if not self._lossless:
+            self._tell_taken(seen_ns, age_ns)
         t_capture_ns = (
             round(frame.media_time_s * 1e9)
             if self._lossless
@@ -161,6 +176,14 @@ class CaptureService:
         self._context.statistics.output(
             now_ns * 1e-9, (now_ns - started_ns) * 1e-9, (now_ns - acquired_ns) * 1e-9
         )
+
+    def _tell_taken(self, monotonic_ns: int, age_ns: int) -> None:
+        """Say when the frame was taken, before anything that takes time is done with it."""
+        taken = Taken(
+            stream=self._identity.stream, epoch=self._identity.epoch, seq=self._seq,
+            clock=monotonic_clock(), monotonic_ns=monotonic_ns,
+        )  # fmt: skip
+        self._taken.send(taken, age_ns * 1e-9)
 
     def _describe(self, frame: Frame) -> None:
         """Publish the camera's description at the start and whenever the size changes."""

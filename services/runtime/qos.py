@@ -26,6 +26,7 @@ from schemas import (
     Ranges,
     SimTruth,
     SimWorld,
+    Taken,
     Target,
     Tracks,
 )
@@ -65,6 +66,7 @@ _BLOCK_FIRST = zenoh.CongestionControl.BLOCK_FIRST
 _P = zenoh.Priority
 
 IMAGE = TopicQos(_P.DATA_LOW, _BLOCK_FIRST, True, 1, MAX_IMAGE_BYTES)
+TAKEN = TopicQos(_P.REAL_TIME, _DROP, True, 64, Taken.max_bytes)
 BLOBS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Blobs.max_bytes)
 TRACKS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Tracks.max_bytes)
 COMMAND = TopicQos(_P.REAL_TIME, _DROP, True, 1, MotionCommand.max_bytes)

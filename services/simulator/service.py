@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import cv2
 
-from schemas import CameraInfo, DriveState, EndOfStream, FrameId, encode, keys
+from schemas import CameraInfo, DriveState, EndOfStream, FrameId, Taken, encode, keys
 from services.runtime import qos
+from services.runtime.clock import monotonic_clock
 from services.runtime.images import ImageCoding, StreamIdentity, pack_image
 from services.runtime.pacing import Pacer
 from services.runtime.publishing import Latched
@@ -54,6 +55,7 @@ class SimulatorService:
         self._drive = context.subscribe("drive", keys.ROBOT_DRIVE, qos.DRIVE)
         self._info = resources.enter_context(Latched(session, keys.info(s.camera), qos.INFO))
         self._described = resources.enter_context(Latched(session, keys.SIM_WORLD, qos.SIM_WORLD))
+        self._taken = context.publisher(keys.taken(s.camera), qos.TAKEN)
         self._image = context.publisher(keys.image(s.camera), qos.IMAGE)
         self._blobs = context.publisher(keys.blobs(s.camera), qos.BLOBS) if self._boxes else None
         self._truth = context.publisher(keys.SIM_TRUTH, qos.SIM_TRUTH)
@@ -160,6 +162,11 @@ class SimulatorService:
             stream=episode.identity.stream, epoch=episode.identity.epoch, seq=episode.seq,
             index=index, t_capture_ns=time.time_ns(),
         )  # fmt: skip
+        taken = Taken(
+            stream=frame.stream, epoch=frame.epoch, seq=frame.seq, clock=monotonic_clock(),
+            monotonic_ns=started_ns,
+        )  # fmt: skip
+        self._taken.send(taken, 0.0)
         if self._blobs is not None:
             blobs = episode.detector.detect(world, frame)
             self._blobs.send(blobs, (time.monotonic_ns() - started_ns) * 1e-9)

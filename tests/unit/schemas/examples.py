@@ -33,6 +33,7 @@ from schemas import (
     SimTruth,
     SimWorld,
     Stamp,
+    Taken,
     Target,
     TargetRequest,
     Track,
@@ -68,6 +69,9 @@ EXAMPLES: tuple[Message, ...] = (
         age_ns=1_500_000,
     ),
     Stamp(producer=PRODUCER, t_sent_ns=1_700_000_000_200_000_000, age_ns=12_345_678),
+    Taken(
+        stream="front", epoch=5, seq=41, clock="0123abcd-4026531834", monotonic_ns=123_456_789_012,
+    ),
     CameraInfo(
         stream="front", epoch=5, **SIZE, fps=25.0, frame_count=795, source="walk.avi",
         horizontal_fov_rad=1.0471975511965976, mount_height_m=0.5, mount_pitch_rad=-0.25,
