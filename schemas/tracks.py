@@ -19,6 +19,7 @@ from schemas.base import (
     Point,
     Real,
 )
+from schemas.blobs import CameraMotion
 from schemas.frame import FrameId
 
 MAX_TRACKS = 128
@@ -69,3 +70,7 @@ class Tracks(FrameId, Message):
     source_height: Dimension
     tracks: Annotated[tuple[Track, ...], Field(max_length=MAX_TRACKS), FailFast()] = ()
     occlusion: Flag = Field(default=False, description="the paper's test, eq. 4, in this frame")
+    camera_motion: CameraMotion | None = Field(
+        default=None,
+        description="as the detector tells it, the identity where it stood still; none: not told",
+    )

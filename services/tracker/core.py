@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, FrameId, Track, Tracks
+from schemas import Blobs, CameraMotion, FrameId, Track, Tracks
 from services.geometry.calibration_file import Calibration, read_calibration
 from services.tracker.blob.tracker import BlobTracker
 from services.tracker.fitted.tracker import FittedTracker
@@ -101,6 +101,16 @@ def configured(settings: TrackerSettings) -> Tracker:
     return Tracker(settings, None if file is None else read_calibration(file))
 
 
+_STOOD_STILL = CameraMotion(affine=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0), quality=1.0)
+
+
+def _camera_motion(blobs: Blobs) -> CameraMotion | None:
+    """What a message says of the camera: a background that holds has been seen to stand still."""
+    if blobs.camera_motion is None and blobs.kind == "regions" and blobs.background == "valid":
+        return _STOOD_STILL
+    return blobs.camera_motion
+
+
 def _message(blobs: Blobs, tracks: list[Track]) -> Tracks:
     return Tracks(
         **blobs.model_dump(include=set(FrameId.model_fields)),
@@ -110,6 +120,7 @@ def _message(blobs: Blobs, tracks: list[Track]) -> Tracks:
         source_height=blobs.source_height,
         tracks=tuple(tracks),
         occlusion=any(track.state == "occluded" for track in tracks),
+        camera_motion=_camera_motion(blobs),
     )
 
 

@@ -106,6 +106,7 @@ EXAMPLES: tuple[Message, ...] = (
             ),
         ),
         occlusion=True,
+        camera_motion=CameraMotion(affine=(1.0, 0.0, 2.5, 0.0, 1.0, -0.5), quality=0.75),
     ),
     MotionCommand(
         seq=9, linear_mps=0.5, angular_radps=-0.25, ttl_s=0.5, state="following",
