@@ -1,4 +1,4 @@
-"""What a service says of itself once a second."""
+"""What a service says of itself several times a second."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from schemas.frame import Producer
 
 
 class Health(Message):
-    """State and counters of one service since its start; ages and rates are of the last second."""
+    """State and counters of one service since its start; rates are of the last two seconds."""
 
     schema_name: ClassVar[str] = "health"
     max_bytes: ClassVar[int] = 65536
@@ -43,4 +43,7 @@ class Health(Message):
     rss_mb: NonNegative = 0.0
     peak_rss_mb: NonNegative = 0.0
     software_version: Text
+    period_s: Annotated[float, Field(strict=True, gt=0, le=60)] = Field(
+        default=1.0, description="to the next message: whoever misses three in a row is silent"
+    )
     details: Annotated[dict[str, str], Field(max_length=32)] = Field(default_factory=dict)

@@ -77,7 +77,7 @@ def all_progress(camera: str) -> str:
 
 
 def health(service: str, instance: str) -> str:
-    """`Health`, once a second."""
+    """`Health`, four times a second."""
     return f"svc/{chunk(service, 'service')}/{chunk(instance, 'instance')}/health"
 
 

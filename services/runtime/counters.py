@@ -10,6 +10,11 @@ import numpy as np
 
 _WINDOW = 256
 _RATE_WINDOW_S = 2.0
+_INTERVALS = 8
+_SILENT_S = 0.75
+"""An input that was there is missed after this, or after three of its usual intervals."""
+_SENDERS = {"image": "capture", "blobs": "detector", "tracks": "tracker", "command": "follower",
+            "drive": "drive"}  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -20,6 +25,11 @@ class _Rate:
 
     def hit(self, now_s: float) -> None:
         self.times_s.append(now_s)
+
+    def interval_s(self) -> float:
+        """Mean time between the last eight events; 0 before the second."""
+        newest = list(self.times_s)[-_INTERVALS:]
+        return (newest[-1] - newest[0]) / (len(newest) - 1) if len(newest) > 1 else 0.0
 
     def per_second(self, now_s: float) -> float:
         return sum(1 for t in self.times_s if now_s - t <= _RATE_WINDOW_S) / _RATE_WINDOW_S
@@ -40,6 +50,10 @@ class ServiceStatistics:
         self.last_loop_s: float | None = None
         self.shared_memory: bool | None = None
         self.details: dict[str, str] = {}
+        self.input_topic: str | None = None
+        """The stream that `input` counts and that is missed when it falls silent."""
+        self.input_over = False
+        """Whether that stream has announced its end."""
 
     def loop(self, now_s: float) -> None:
         """The service loop came round."""
@@ -50,6 +64,7 @@ class ServiceStatistics:
         with self._lock:
             self.received += 1
             self.last_input_s = now_s
+            self.input_over = False
             self._in.hit(now_s)
 
     def output(self, now_s: float, busy_s: float, age_s: float) -> None:
@@ -69,10 +84,36 @@ class ServiceStatistics:
             self._problems[kind] = reason
             return news
 
+    def missed_input(self, now_s: float) -> str | None:
+        """What to say of an input that came and comes no more; None while all is well."""
+        with self._lock:
+            last_s, usual_s = self.last_input_s, self._in.interval_s()
+        if self.input_topic is None or last_s is None or self.input_over:
+            return None
+        silent_s = now_s - last_s
+        if silent_s <= max(_SILENT_S, 3.0 * usual_s):
+            return None
+        sender = _SENDERS.get(self.input_topic)
+        remedy = f": is {sender} running?" if sender else ""
+        return f"no {self.input_topic} for {max(1.0, silent_s):.0f} s{remedy}"
+
     def problems(self) -> list[str]:
         """Reasons of all problems that last."""
         with self._lock:
             return list(self._problems.values())
+
+    def detail(self, name: str, value: str | None) -> None:
+        """Set a detail of the health message, or take it out (None)."""
+        with self._lock:
+            if value is None:
+                self.details.pop(name, None)
+            else:
+                self.details[name] = value
+
+    def details_now(self) -> dict[str, str]:
+        """A copy of the details."""
+        with self._lock:
+            return dict(self.details)
 
     def rates_hz(self, now_s: float) -> tuple[float, float]:
         """Inputs and outputs per second."""

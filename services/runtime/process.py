@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import fcntl
+import functools
 import gc
 import logging
 import os
@@ -137,6 +138,7 @@ def memory_mb(pid: int | None = None) -> tuple[float, float]:
     return values["VmRSS"], values["VmHWM"]
 
 
+@functools.cache
 def software_version() -> str:
     """The installed distribution's version."""
     try:

@@ -81,4 +81,5 @@ RANGES = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Ranges.max_bytes)
 DRIVE = TopicQos(_P.REAL_TIME, _DROP, True, 1, DriveState.max_bytes)
 SIM_TRUTH = TopicQos(_P.DATA, _DROP, False, 2, SimTruth.max_bytes)
 SIM_WORLD = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 2, SimWorld.max_bytes)
-HEALTH = TopicQos(_P.BACKGROUND, _DROP, False, 64, Health.max_bytes)
+HEALTH = TopicQos(_P.DATA, _DROP, False, 64, Health.max_bytes)
+"""Ahead of images: a service must not look silent because its link is full of pictures."""

@@ -25,11 +25,13 @@ import zenoh
 from schemas import EndOfStream, keys
 from schemas.errors import HeelError, SettingsError
 from services.runtime import process
+from services.runtime.chain import CAMERA
 from services.runtime.counters import ServiceStatistics
 from services.runtime.health import HealthReporter
 from services.runtime.health_file import HealthFile
 from services.runtime.inbox import Arrival, Inbox
 from services.runtime.logs import OncePerSecond, set_up_logging
+from services.runtime.presence import Presence
 from services.runtime.publishing import StreamPublisher
 from services.runtime.qos import TopicQos
 from services.runtime.session import LOG_FILTER, open_session
@@ -77,6 +79,9 @@ class ServiceContext(Generic[S]):
         """Receive a stream in this service's delivery mode."""
         qos = qos.for_delivery(self.settings.delivery)
         self.inbox.subscribe(topic, key, qos)
+        if primary and self.settings.delivery == "live":
+            # Where nothing may be lost the sender waits, too, however long the work takes.
+            self.statistics.input_topic = topic
         return StreamJudge(topic, qos, self.statistics, self.warn, primary)
 
     def arrivals(self, judge: StreamJudge, out: StreamPublisher | None = None) -> Iterator[Arrival]:
@@ -181,7 +186,12 @@ def _serve(
     with ExitStack() as stack:
         answer_config(stack, session, name, settings.instance, loaded)
         file = None if settings.health_file is None else HealthFile(settings.health_file)
-        health = HealthReporter(session, name, settings.instance, producer, statistics, log, file)
+        presence = Presence(session)
+        stack.callback(presence.close)
+        statistics.details[CAMERA] = settings.camera
+        health = HealthReporter(
+            session, name, settings.instance, producer, statistics, log, file, presence
+        )
         stack.callback(health.finish)
         inbox = stack.enter_context(Inbox(session))
 

@@ -112,10 +112,13 @@ class StreamJudge:
     def end(self, arrival: Arrival) -> EndOfStream | None:
         """Decode an end-of-stream message; None if it is malformed."""
         try:
-            return decode(EndOfStream, arrival.payload, arrival.encoding)
+            end = decode(EndOfStream, arrival.payload, arrival.encoding)
         except MessageError as error:
             self.refuse(arrival, error)
             return None
+        if self.primary:
+            self.statistics.input_over = True
+        return end
 
     def message(self, arrival: Arrival, kind: type[M]) -> Received[M] | None:
         """Decode and judge a message with a `Stamp`; None if it is not to be used."""

@@ -163,3 +163,70 @@ def test_changes_of_health_are_logged_once(
     assert [line.strip() for line in caplog.messages] == [
         "health: starting -> ok", "health: ok -> degraded camera silent", "health: degraded -> ok",
     ]  # fmt: skip
+
+
+class FakePresence:
+    """As the test says."""
+
+    away = False
+    gone: tuple[str, ...] = ()
+
+    def bus_away(self, _now_s: float) -> bool:
+        return self.away
+
+    def missing(self, _now_s: float) -> list[str]:
+        return list(self.gone)
+
+
+def test_a_service_knows_that_the_router_is_away_and_that_a_neighbour_is_gone(
+    statistics: ServiceStatistics, session: FakeSession
+) -> None:
+    presence = FakePresence()
+    reporter = HealthReporter(
+        cast(Any, session), "tracker", "main", PRODUCER, statistics,
+        logging.getLogger("heel.test"), None, cast(Any, presence),
+    )  # fmt: skip
+    now_s = time.monotonic()
+    statistics.loop(now_s)
+    assert reporter.compose(now_s + 0.1).state == "ok"
+    presence.away = True
+    assert (reporter.compose(now_s + 0.1).state, reporter.compose(now_s + 0.1).reason) == (
+        "degraded", "the router is away",
+    )  # fmt: skip
+    presence.away, presence.gone = False, ("follower", "drive")
+    health = reporter.compose(now_s + 0.1)
+    assert health.reason == "follower: gone"
+    assert health.details["missing"] == "follower,drive"
+    presence.gone = ()
+    assert (reporter.compose(now_s + 0.1).state, reporter.compose(now_s + 0.1).details) == (
+        "ok",
+        {},
+    )
+
+
+def test_an_input_that_falls_silent_is_a_problem_until_it_comes_again(
+    statistics: ServiceStatistics, reporter: HealthReporter
+) -> None:
+    now_s = time.monotonic()
+    statistics.input_topic = "blobs"
+    statistics.loop(now_s)
+    assert reporter.compose(now_s).state == "ok", "nothing was there to be missed"
+    for frame in range(10):
+        statistics.input(now_s + frame * 0.04)
+    assert reporter.compose(now_s + 0.8).state == "ok"
+    assert reporter.compose(now_s + 1.4).reason == "no blobs for 1 s: is detector running?"
+    statistics.input(now_s + 1.5)
+    assert reporter.compose(now_s + 1.6).state == "ok"
+
+
+def test_a_slow_input_and_one_that_has_ended_are_not_missed(
+    statistics: ServiceStatistics, reporter: HealthReporter
+) -> None:
+    now_s = time.monotonic()
+    statistics.input_topic = "image"
+    for frame in range(4):
+        statistics.input(now_s + frame)
+    statistics.loop(now_s + 5.0)
+    assert reporter.compose(now_s + 5.5).reason == ""
+    statistics.input_over = True
+    assert reporter.compose(now_s + 6.9).reason == ""

@@ -159,7 +159,7 @@ EXAMPLES: tuple[Message, ...] = (
         rate_in_hz=25.0, rate_out_hz=24.5, received=300, sent=299, dropped=2, malformed=1,
         busy_ms_p50=8.0, busy_ms_p95=9.5, busy_ms_p99=11.0, age_ms_p50=12.0, age_ms_p95=14.0,
         age_ms_p99=20.0, shared_memory=True, cpu_s=3.5, rss_mb=120.5, peak_rss_mb=130.0,
-        software_version="0.1.0", details={"background": "valid"},
+        software_version="0.1.0", period_s=0.25, details={"background": "valid"},
     ),
     EndOfStream(stream="front", epoch=5, frames=795, reason="end of walk.avi"),
     Progress(stream="front", epoch=5, seq=794),
