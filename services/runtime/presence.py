@@ -71,7 +71,7 @@ class Presence:
             return
         with self._lock:
             there = self._there.setdefault(service, set())
-            if sample.kind is zenoh.SampleKind.PUT:
+            if sample.kind == zenoh.SampleKind.PUT:
                 there.add(instance)
             else:
                 there.discard(instance)

@@ -201,7 +201,6 @@ class WebService:
         if connected == self._router:
             return
         self._router = connected
-        self._context.statistics.problem("router", None if connected else "the router is away")
         if connected:
             self._context.log.info("the router is back")
         else:
