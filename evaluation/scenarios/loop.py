@@ -12,7 +12,6 @@ from evaluation.scenarios.witness import Moment, Witness
 from schemas import FrameId, MotionCommand, SimTruth, Target, TargetRequest, Tracks
 from services.drive.core import Drive
 from services.follower.core import Follower
-from services.follower.target import NobodyThereError
 from services.simulator.state import CameraMount
 from services.simulator.world import World
 
@@ -128,15 +127,15 @@ class ClosedLoop:
         while self._sightings and self._sightings[0].due_ms <= now_ms:
             newest = self._newest = self._sightings.popleft()
             self._follower.observe(newest.tracks, _TRACKER)
-            self._user.act(now_s, self._choose, newest.truth, newest.people_by_track)
+            self._user.act(
+                now_s, self._choose, self._follower.target, newest.truth, newest.people_by_track
+            )
 
     def _choose(self, request: TargetRequest) -> Target:
-        try:
-            return self._follower.choose(request)
-        except NobodyThereError:
-            if (pointed := self._follower.pointed(request)) is not None:
-                self._perception.point(pointed)
-            raise
+        target = self._follower.choose(request)
+        if (pointed := self._follower.pointed) is not None:
+            self._perception.point(pointed)
+        return target
 
     def _record(self) -> None:
         on = {} if self._newest is None else self._newest.people_by_track

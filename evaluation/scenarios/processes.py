@@ -136,10 +136,11 @@ class ProcessEpisode:
 
     def _take_tracks(self, session: zenoh.Session, tracks: Tracks) -> None:
         truth = self._truths.get(tracks.seq)
-        if truth is None:
+        if truth is None or self._state is None:
             return
         on = self._people_by_track = self._witness.people_of(truth, tracks)
-        self._user.act(truth.t_s, lambda request: _ask(session, request), truth, on)
+        shown = self._state.target
+        self._user.act(truth.t_s, lambda request: _ask(session, request), shown, truth, on)
 
 
 def _ask(session: zenoh.Session, request: TargetRequest) -> Target:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 
 from schemas import HeelError, SimTruth, Target, TargetRequest
 
@@ -29,6 +30,7 @@ class User:
         self,
         now_s: float,
         choose: Callable[[TargetRequest], Target],
+        shown: Target,
         truth: SimTruth,
         people_by_track: dict[int, int],
     ) -> None:
@@ -37,21 +39,23 @@ class User:
         Args:
             now_s: simulated time.
             choose: asks the follower, which has the tracks of this picture; refuses by HeelError.
+            shown: whom the page shows as chosen, or waited for.
             truth: what the picture shows.
             people_by_track: who its tracks are on.
         """
+        if shown.track_id is not None and people_by_track.get(shown.track_id) == self._target:
+            self._due_s = math.inf
         person = truth.people[self._target]
-        if now_s < self._due_s or person.box_xyxy is None or person.visible < _LEAST_VISIBLE:
+        looking = shown.mode == "point" and shown.track_id is None
+        if now_s < self._due_s or looking or person.box_xyxy is None:
+            return
+        if person.visible < _LEAST_VISIBLE:
             return
         self._due_s = now_s + _AGAIN_S
         left, top, right, bottom = person.box_xyxy
         click = TargetRequest(
             mode="point", x_px=(left + right) / 2, y_px=top + _DOWN * (bottom - top)
         )
-        try:
-            chosen = choose(click).track_id
-        except HeelError:
-            # Nobody is tracked there yet: the page says so, and one clicks again.
-            return
-        if chosen is not None and people_by_track.get(chosen) == self._target:
-            self._due_s = math.inf
+        # A refusal is shown on the page, and one clicks again.
+        with suppress(HeelError):
+            choose(click)

@@ -6,7 +6,11 @@ import math
 from collections.abc import Iterable
 
 from schemas import Track, Tracks
+from schemas.base import BoxXyxy
 from services.follower.people import Person
+
+_TWO_PEOPLE = 0.5
+"""Share of the smaller of two boxes that the other covers, from which a click can mean either."""
 
 
 def seen_well(tracks: Tracks) -> list[Track]:
@@ -38,6 +42,25 @@ def at_point(tracks: Tracks, x_px: float, y_px: float) -> Track | None:
         and track.box_xyxy[1] <= y_px <= track.box_xyxy[3]
     ]
     return min(hit, key=off_centre, default=None)
+
+
+def companion(chosen: Track, tracks: Tracks) -> Track | None:
+    """Who else the box of somebody stands on: the pixels under it then name neither of them."""
+    for other in tracks.tracks:
+        if other.id == chosen.id or other.state not in ("tracked", "occluded"):
+            continue
+        behind = other.id in chosen.occluded_by or chosen.id in other.occluded_by
+        if behind or _shared(chosen.box_xyxy, other.box_xyxy) >= _TWO_PEOPLE:
+            return other
+    return None
+
+
+def _shared(a: BoxXyxy, b: BoxXyxy) -> float:
+    """What two boxes have in common, as a share of the smaller one."""
+    across = min(a[2], b[2]) - max(a[0], b[0])
+    down = min(a[3], b[3]) - max(a[1], b[1])
+    smaller = min((a[2] - a[0]) * (a[3] - a[1]), (b[2] - b[0]) * (b[3] - b[1]))
+    return max(0.0, across) * max(0.0, down) / smaller if smaller > 0 else 0.0
 
 
 class Imprinting:

@@ -52,6 +52,7 @@ class Follower:
         self._tracks: Tracks | None = None
         self._tracks_s = -math.inf
         self._tracks_are_new = False
+        self._heading_rad = 0.0
         self._estop = False
         self._forget_sight()
         self._name: FollowStateName = "idle"
@@ -81,9 +82,10 @@ class Follower:
 
         Args:
             tracks: the frame's people.
-            tracker: the producer that gave out the ids; another one makes the chosen id void.
+            tracker: the producer that gave out the ids; another one makes the chosen id void,
+                and so does another camera, or the same one started anew.
         """
-        if self._choice.tracker_is(tracker):
+        if self._choice.source_is(tracker, tracks):
             self._people.clear()
             self._begin()
         self._tracks, self._tracks_are_new = tracks, True
@@ -111,26 +113,29 @@ class Follower:
     def choose(self, request: TargetRequest) -> Target:
         """Choose or clear the target.
 
+        A point at which nobody is tracked stays pending: whoever comes to be tracked there within
+        some seconds is chosen, and until then the target has no id.
+
         Raises:
-            NobodyThereError: nobody is tracked at the point.
-            TargetError: the id is unknown or another tracker's.
+            TargetError: the id is unknown or another tracker's, the box there stands on two
+                people, or what is seen is too old to choose from.
         """
-        if self._choice.request(request, self._tracks):
+        now_s = self._now_s or 0.0
+        age_s = 0.0 if self._tracks_are_new else now_s - self._tracks_s
+        if self._choice.request(request, self._tracks, age_s, now_s):
             self._begin()
         return self.target
 
-    def pointed(self, request: TargetRequest) -> Pointed | None:
-        """What a refused choice by a point says to the detector: somebody may be there.
-
-        Args:
-            request: for which `choose` has just raised `NobodyThereError`.
-        """
-        tracks = self._tracks
-        if tracks is None or request.x_px is None or request.y_px is None:
+    @property
+    def pointed(self) -> Pointed | None:
+        """What the detector is told: somebody may be where a user pointed. None without a point."""
+        tracks, pending = self._tracks, self._choice.pending
+        if tracks is None or pending is None:
             return None
+        x_px, y_px = pending.place_px
         return Pointed(
             frame=FrameId(**tracks.model_dump(include=set(FrameId.model_fields))),
-            width=tracks.width, height=tracks.height, x_px=request.x_px, y_px=request.y_px,
+            width=tracks.width, height=tracks.height, x_px=x_px, y_px=y_px,
         )  # fmt: skip
 
     def step(self, now_s: float, tracks_age_s: float | None) -> MotionCommand:
@@ -145,6 +150,7 @@ class Follower:
         self._now_s = now_s
         self._motion.advance(now_s)
         self._take_tracks(now_s, tracks_age_s)
+        self._choice.give_up(now_s)
         situation = self._situation(now_s, tracks_age_s)
         name, reason = next_state(self._name, situation, self.settings)
         self._enter(name, now_s)
@@ -172,10 +178,19 @@ class Follower:
         self._tracks_are_new = False
         self._tracks_s = now_s - tracks_age_s
         self._people.update(self._tracks, self._tracks_s, self._motion, self.target.track_id)
+        turned_rad = self._turned_rad()
+        if self._choice.pending is not None:
+            self._choice.pending.carry(self._tracks, turned_rad, self._people.focal_px)
         if tracks_age_s > self.settings.max_tracks_age_s:
             self._choice.interrupted()
         elif self._choice.settle(self._tracks, self._people.seen.values(), self._tracks_s):
             self._begin()
+
+    def _turned_rad(self) -> float:
+        """How far the robot turned between the newest two frames."""
+        before_rad = self._heading_rad
+        self._heading_rad = self._motion.pose_at(self._tracks_s).heading_rad
+        return self._heading_rad - before_rad
 
     def _situation(self, now_s: float, tracks_age_s: float | None) -> Situation:
         track, target = self._track(), self.target
@@ -278,7 +293,7 @@ class Follower:
         ahead_m, left_m = (0.0, 0.0)
         if seen is not None:
             ahead_m, left_m = self._motion.pose.seen(*seen.filter.place_at(now_s))
-        free_m = self._surroundings.free_ahead_m(now_s)
+        free_m, pending = self._surroundings.free_ahead_m(now_s), self._choice.pending
         self.state = FollowState(
             seq=self._seq, state=self._name, reason=reason, estop=self._estop, target=self.target,
             tracks_age_s=tracks_age_s, linear_mps=linear_mps, angular_radps=angular_radps,
@@ -287,5 +302,7 @@ class Follower:
             identity_confidence=None if track is None else track.identity_confidence,
             runner_up_confidence=None if track is None else track.runner_up_confidence,
             speed_reason=self._controller.speed_reason,
+            pending_point_px=None if pending is None else pending.place_px,
+            pending_for_s=None if pending is None else pending.for_s(now_s),
             obstacle_watch=free_m is not None, free_distance_m=free_m,
         )  # fmt: skip

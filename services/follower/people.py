@@ -77,6 +77,11 @@ class People:
         """Those seen well within the last moments, and the one who is kept."""
         return self._known
 
+    @property
+    def focal_px(self) -> float:
+        """Of the camera that took the newest frame."""
+        return self._camera.focal_px if self._camera is not None else 1.0
+
     def observe(self, sectors: Sectors, now_s: float) -> None:
         """Take free distances at their arrival: they also tell how far people are."""
         self._ranges = RangesInTime(sectors, now_s)

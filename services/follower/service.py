@@ -35,7 +35,6 @@ from schemas import (
 )
 from services.follower.core import Follower
 from services.follower.settings import FollowerServiceSettings
-from services.follower.target import NobodyThereError
 from services.runtime import qos
 from services.runtime.inbox import Arrival
 from services.runtime.publishing import Latched
@@ -253,13 +252,11 @@ class FollowerService:
     def _choose(self, request: TargetRequest) -> Target:
         """Choose; a point at which nobody is tracked is told to the detector besides."""
         with self._lock:
-            try:
-                return self._follower.choose(request)
-            except NobodyThereError:
-                pointed = self._follower.pointed(request)
-                if pointed is not None and self._live:
-                    self._pointed_out.put(encode(pointed), encoding=pointed.encoding())
-                raise
+            target = self._follower.choose(request)
+            pointed = self._follower.pointed
+        if pointed is not None and self._live:
+            self._pointed_out.put(encode(pointed), encoding=pointed.encoding())
+        return target
 
     def _stop_robot(self) -> None:
         """Zero velocity on every way out; the robot's own watchdog covers the rest."""

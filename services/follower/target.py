@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from schemas import HeelError, Target, TargetRequest, Track, Tracks
-from services.follower.choosing import Imprinting, at_point, nearest
+from services.follower.choosing import Imprinting, at_point, companion, nearest
+from services.follower.pending import PendingPoint
 from services.follower.people import Person
 from services.follower.settings import FollowerSettings
 
@@ -14,12 +15,13 @@ class TargetError(HeelError):
     """A target that cannot be chosen."""
 
 
-class NobodyThereError(TargetError):
-    """A point at which nobody is tracked."""
-
-
 class TargetChoice:
-    """Keeps the target; a chosen id changes only on request or when its tracker is replaced."""
+    """Keeps the target; a chosen id changes only on request, or when ids mean somebody else.
+
+    Attributes:
+        target: who is chosen or waited for.
+        pending: where somebody is looked for who was pointed at, if anywhere.
+    """
 
     def __init__(self, settings: FollowerSettings) -> None:
         self._imprinting = Imprinting(
@@ -31,37 +33,56 @@ class TargetChoice:
             f"for {settings.imprint_s:g} s",
             "none": "no target",
         }
+        self._max_age_s = settings.max_tracks_age_s
         self._tracker: str | None = None
+        self._scene: tuple[str, int, int, int] | None = None
+        self.pending: PendingPoint | None = None
         self.target = Target(seq=0, mode=settings.target, reason=self._waiting[settings.target])
 
-    def tracker_is(self, tracker: str) -> bool:
-        """Note who tracks now; True if that is another one than before."""
-        replaced = self._tracker not in (None, tracker)
-        self._tracker = tracker
-        if replaced:
-            self._imprinting.reset()
-            if self.target.track_id is not None:
-                self._set("none", None, "the tracker was replaced: choose again")
-        return replaced
+    def source_is(self, tracker: str, tracks: Tracks) -> bool:
+        """Note who tracks in which pictures; True if all ids mean somebody else from now on."""
+        scene = (tracks.stream, tracks.epoch, tracks.width, tracks.height)
+        before_tracker, before_scene = self._tracker, self._scene
+        self._tracker, self._scene = tracker, scene
+        if before_tracker is None or before_scene is None:
+            return False
+        if before_tracker != tracker:
+            self._void("the tracker was replaced: choose again")
+        elif before_scene[:2] != scene[:2]:
+            self._void("the camera was restarted: choose again")
+        elif before_scene != scene:
+            self._void("the picture has another size: choose again")
+        else:
+            return False
+        return True
 
-    def request(self, request: TargetRequest, tracks: Tracks | None) -> bool:
+    def request(
+        self, request: TargetRequest, tracks: Tracks | None, age_s: float, now_s: float
+    ) -> bool:
         """Choose or clear; returns whether another person, or nobody, is chosen now.
 
+        A point at which nobody is tracked is chosen too, and somebody is looked for there.
+
+        Args:
+            request: who is meant.
+            tracks: the newest frame, None before the first.
+            age_s: how old it is.
+            now_s: the present.
+
         Raises:
-            TargetError: nobody is there, or the id is unknown or another tracker's.
+            TargetError: the id is unknown or another tracker's, the box there stands on two
+                people, or what is seen is too old to choose from.
         """
         before = self.target.track_id
+        if request.mode != "none":
+            self._refuse_stale(tracks, age_s)
         if request.mode == "none":
             self._set("none", None, "cleared")
         elif request.mode == "imprint":
             self._imprinting.reset()
             self._set("imprint", None, self._waiting["imprint"])
         else:
-            track = self._requested(request, tracks)
-            if track is None and request.mode != "nearest":
-                raise _not_found(request)
-            reason = self._waiting["nearest"] if track is None else "chosen"
-            self._set(request.mode, None if track is None else track.id, reason)
+            self._choose(request, tracks, now_s)
         return self.target.track_id is None or self.target.track_id != before
 
     def settle(self, tracks: Tracks, seen: Iterable[Person], t_s: float) -> bool:
@@ -74,46 +95,98 @@ class TargetChoice:
         """
         if self.target.track_id is not None:
             return False
-        if self.target.mode == "nearest" and (first := nearest(tracks)) is not None:
-            self._set("nearest", first.id, "the nearest person")
+        if self.pending is not None and (found := self.pending.found(tracks, t_s)) is not None:
+            self._set("point", found.id, f"found where you pointed{_two_people(found, tracks)}")
+        elif self.target.mode == "nearest" and (first := nearest(tracks)) is not None:
+            self._set("nearest", first.id, f"the nearest person{_two_people(first, tracks)}")
         elif self.target.mode == "imprint":
-            found = self._imprinting.update(seen, t_s)
-            if found is None:
-                return False
-            self._set("imprint", found, "stood before the robot")
+            stood = self._imprinting.update(seen, t_s)
+            if stood is not None:
+                self._set("imprint", stood, "stood before the robot")
         return self.target.track_id is not None
+
+    def give_up(self, now_s: float) -> None:
+        """Look no longer at a point at which nobody was found for a while."""
+        if self.pending is not None and self.pending.for_s(now_s) <= 0.0:
+            self._set("none", None, "nobody found there: click on somebody again")
 
     def interrupted(self) -> None:
         """Nothing fresh is seen: whoever stood before the robot has to do so anew."""
         self._imprinting.reset()
 
-    def _requested(self, request: TargetRequest, tracks: Tracks | None) -> Track | None:
+    def _refuse_stale(self, tracks: Tracks | None, age_s: float) -> None:
+        if tracks is not None and age_s > self._max_age_s:
+            raise TargetError(
+                f"the newest tracks are {age_s:.1f} s old: choose again when the picture is live "
+                "(`heel status` names who is silent)"
+            )
+
+    def _choose(self, request: TargetRequest, tracks: Tracks | None, now_s: float) -> None:
+        if request.mode == "point":
+            assert request.x_px is not None
+            assert request.y_px is not None
+            self._choose_point(request.x_px, request.y_px, tracks, now_s)
+            return
+        track = self._requested(request, tracks)
+        if track is None or tracks is None:
+            self._set(request.mode, None, self._waiting["nearest"])
+        else:
+            self._set(request.mode, track.id, f"chosen{_two_people(track, tracks)}")
+
+    def _choose_point(self, x_px: float, y_px: float, tracks: Tracks | None, now_s: float) -> None:
         if tracks is None:
-            return None
+            raise TargetError("no picture yet: choose again when there is one")
+        if not (0 <= x_px <= tracks.width and 0 <= y_px <= tracks.height):
+            raise TargetError(
+                f"({x_px:.0f}, {y_px:.0f}) is outside the picture of {tracks.width}x"
+                f"{tracks.height} pixels: choose a point in it"
+            )
+        track = at_point(tracks, x_px, y_px)
+        if track is None:
+            self._set("point", None, "looking for somebody there")
+            self.pending = PendingPoint(x_px, y_px, tracks, now_s)
+            return
+        other = companion(track, tracks)
+        if other is not None and track.state == "occluded":
+            raise TargetError(
+                f"the box there covers two people, {track.id} and {other.id}: choose again when "
+                "they have parted"
+            )
+        self._set("point", track.id, f"chosen{_two_people(track, tracks)}")
+
+    def _requested(self, request: TargetRequest, tracks: Tracks | None) -> Track | None:
         if request.mode == "nearest":
-            return nearest(tracks)
-        if request.mode == "point" and request.x_px is not None and request.y_px is not None:
-            return at_point(tracks, request.x_px, request.y_px)
-        if request.tracker not in (None, self._tracker):
+            return None if tracks is None else nearest(tracks)
+        if tracks is not None and request.tracker not in (None, self._tracker):
             raise TargetError(
                 f"id {request.track_id} was given out by {request.tracker}, but {self._tracker} "
                 "is tracking now: choose again"
             )
-        return next((track for track in tracks.tracks if track.id == request.track_id), None)
+        for track in () if tracks is None else tracks.tracks:
+            if track.id == request.track_id:
+                return track
+        raise TargetError(
+            f"nobody has id {request.track_id} now: see `heel status` for the ids in sight"
+        )
+
+    def _void(self, reason: str) -> None:
+        self._imprinting.reset()
+        if self.target.track_id is not None or self.pending is not None:
+            self._set("none", None, reason)
 
     def _set(self, mode: str, track_id: int | None, reason: str) -> None:
+        self.pending = None
         self.target = Target.model_validate(
             {"seq": self.target.seq + 1, "mode": mode, "track_id": track_id, "reason": reason,
              "tracker": self._tracker if track_id is not None else None}
         )  # fmt: skip
 
 
-def _not_found(request: TargetRequest) -> TargetError:
-    if request.mode == "id":
-        return TargetError(
-            f"nobody has id {request.track_id} now: see `heel status` for the ids in sight"
-        )
-    return NobodyThereError(
-        f"nobody is tracked at ({request.x_px:g}, {request.y_px:g}): click on a person's box, or "
-        "again when the person there has got one"
+def _two_people(track: Track, tracks: Tracks) -> str:
+    other = companion(track, tracks)
+    if other is None:
+        return ""
+    return (
+        f", but this box covers two people, {track.id} and {other.id}: choose again when they "
+        "have parted"
     )

@@ -10,7 +10,7 @@ import pytest
 from schemas import HeelError, MotionCommand, TargetRequest, Track, Tracks
 from services.follower.core import Follower
 from services.follower.settings import FollowerSettings
-from services.follower.target import NobodyThereError, TargetError
+from services.follower.target import TargetError
 from tests.unit.follower.people import OTHER_TRACKER, TRACKER, person, tracks
 from tests.unit.follower.walking_world import INFO
 
@@ -251,10 +251,9 @@ def test_targets_are_chosen_by_id_point_and_nearness(
     [
         (TargetRequest(mode="id", track_id=9), "nobody has id 9"),
         (TargetRequest(mode="id", track_id=1, tracker=OTHER_TRACKER), OTHER_TRACKER),
-        (TargetRequest(mode="point", x_px=5, y_px=5), "nobody is tracked at (5, 5)"),
-        (TargetRequest(mode="point", x_px=500, y_px=300), "nobody is tracked at (500, 300)"),
+        (TargetRequest(mode="point", x_px=641, y_px=5), "(641, 5) is outside the picture"),
     ],
-    ids=["unknown id", "id of another tracker", "nobody there", "not shown"],
+    ids=["unknown id", "id of another tracker", "outside"],
 )
 def test_targets_that_are_not_there_are_refused_and_the_old_one_stays(
     request_: TargetRequest, words: str
@@ -303,18 +302,6 @@ def test_the_same_tracks_give_the_same_commands() -> None:
         return [made.step(i * 0.02, 0.01 * (i % 40)) for i in range(200)]
 
     assert run() == run()
-
-
-def test_a_point_at_which_nobody_is_tracked_is_told_to_the_detector() -> None:
-    made = following(tracks(person(1), seq=7))
-    click = TargetRequest(mode="point", x_px=5, y_px=6)
-    with pytest.raises(NobodyThereError):
-        made.choose(click)
-    pointed = made.pointed(click)
-    assert pointed is not None
-    assert (pointed.x_px, pointed.y_px, pointed.frame.seq) == (5, 6, 7)
-    assert (pointed.width, pointed.height) == (640, 480)
-    assert follower().pointed(click) is None, "without tracks there is no frame to point at"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,252 @@
+"""Whom a user means: one click is a choice, and what cannot be chosen from is said to be so."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from schemas import CameraMotion, Odometry, TargetRequest, Track, Tracks
+from schemas.follow import TargetMode
+from services.follower.core import Follower
+from services.follower.pending import PENDING_S
+from services.follower.settings import FollowerSettings
+from services.follower.target import TargetError
+from tests.unit.follower.people import HEIGHT, OTHER_TRACKER, TRACKER, WIDTH, person, tracks
+
+CLICK = TargetRequest(mode="point", x_px=100.0, y_px=300.0)
+FRAME_S = 0.04
+
+
+class Watching:
+    """A follower that gets a frame every 40 ms."""
+
+    def __init__(self, *people: Track) -> None:
+        self.follower = Follower(FollowerSettings())
+        self.seq = 0
+        self.now_s = 10.0
+        self.see(*people)
+
+    def see(self, *people: Track, frames: int = 1, age_s: float = 0.02,
+            motion: CameraMotion | None = None) -> None:  # fmt: skip
+        for _ in range(frames):
+            self.seq += 1
+            self.now_s += FRAME_S
+            seen = tracks(*people, seq=self.seq).model_copy(update={"camera_motion": motion})
+            self.follower.observe(seen, TRACKER)
+            self.follower.step(self.now_s, age_s)
+
+    def wait(self, seconds: float) -> None:
+        """Go on without a new frame."""
+        self.now_s += seconds
+        self.follower.step(self.now_s, seconds)
+
+    @property
+    def chosen(self) -> tuple[TargetMode, int | None]:
+        return self.follower.target.mode, self.follower.target.track_id
+
+
+def test_a_point_at_which_nobody_is_tracked_waits_for_who_comes_to_be_tracked_there() -> None:
+    watching = Watching(person(1))
+    target = watching.follower.choose(CLICK)
+    assert (target.mode, target.track_id) == ("point", None)
+    assert target.reason == "looking for somebody there"
+    watching.see(person(1), frames=12)
+    state = watching.follower.state
+    assert (state.state, state.linear_mps, state.angular_radps) == ("acquiring", 0.0, 0.0)
+    assert state.pending_point_px == (100.0, 300.0)
+    assert state.pending_for_s == pytest.approx(PENDING_S - 12 * FRAME_S)
+    watching.see(person(1), person(2, x=100), frames=8)
+    assert watching.chosen == ("point", 2)
+    assert watching.follower.state.state == "following"
+    assert watching.follower.state.pending_point_px is None
+
+
+def test_the_detector_is_told_of_the_point() -> None:
+    watching = Watching(person(1))
+    assert watching.follower.pointed is None
+    watching.follower.choose(CLICK)
+    pointed = watching.follower.pointed
+    assert pointed is not None
+    assert (pointed.x_px, pointed.y_px, pointed.frame.seq) == (100.0, 300.0, watching.seq)
+    assert (pointed.width, pointed.height) == (WIDTH, HEIGHT)
+
+
+def test_nobody_found_there_is_said_in_the_end() -> None:
+    watching = Watching(person(1))
+    watching.follower.choose(CLICK)
+    watching.see(person(1), frames=round(PENDING_S / FRAME_S) + 2)
+    assert watching.chosen == ("none", None)
+    assert watching.follower.state.reason.startswith("nobody found there")
+    watching.see(person(1), person(2, x=100), frames=8)
+    assert watching.chosen == ("none", None)
+
+
+def test_who_was_tracked_elsewhere_and_walks_there_is_not_who_was_pointed_at() -> None:
+    watching = Watching(person(1))
+    watching.follower.choose(CLICK)
+    watching.see(person(1, x=100), frames=10)
+    assert watching.chosen == ("point", None)
+
+
+def test_who_was_not_shown_yet_is_chosen_once_they_are() -> None:
+    watching = Watching(person(1, x=100, shown=False, state="new"))
+    watching.follower.choose(CLICK)
+    watching.see(person(1, x=100), frames=2)
+    assert watching.chosen == ("point", 1)
+
+
+def test_who_was_found_a_step_further_on_is_chosen_if_alone() -> None:
+    watching = Watching()
+    watching.follower.choose(CLICK)
+    watching.see(frames=12)
+    watching.see(person(2, x=170))
+    assert watching.chosen == ("point", 2)
+    watching = Watching()
+    watching.follower.choose(CLICK)
+    watching.see(frames=12)
+    watching.see(person(2, x=170), person(3, x=30))
+    assert watching.chosen == ("point", None), "either may be meant"
+
+
+def test_the_point_goes_along_with_the_picture() -> None:
+    watching = Watching()
+    watching.follower.choose(CLICK)
+    moved = CameraMotion(affine=(1.0, 0.0, 20.0, 0.0, 1.0, -1.0), quality=0.9)
+    watching.see(frames=10, motion=moved)
+    assert watching.follower.state.pending_point_px == pytest.approx((300.0, 290.0))
+    watching.see(person(1, x=100), person(2, x=320), motion=moved)
+    assert watching.chosen == ("point", 2)
+
+
+def test_without_word_of_the_camera_the_point_turns_with_the_robot() -> None:
+    watching = Watching()
+    watching.follower.choose(TargetRequest(mode="point", x_px=320.0, y_px=300.0))
+    for _ in range(10):
+        odometry = Odometry(
+            seq=watching.seq, x_m=0, y_m=0, heading_rad=0, linear_mps=0, angular_radps=0.5
+        )
+        watching.follower.observe_odometry(odometry, watching.now_s)
+        watching.see()
+    place = watching.follower.state.pending_point_px
+    assert place is not None
+    # Turned to the left by up to 0.2 rad: what was ahead is to the right by so much.
+    focal_px = 320 / math.tan(math.radians(30))
+    assert 320 + 0.15 * focal_px < place[0] < 320 + 0.21 * focal_px
+
+
+@pytest.mark.parametrize("quality", [0.0, 1.0])
+def test_whatever_is_told_of_the_camera_ends_nothing(quality: float) -> None:
+    watching = Watching()
+    watching.follower.choose(CLICK)
+    wild = CameraMotion(affine=(1e9, -1e9, 1e9, 1e9, 1e9, 1e9), quality=quality)
+    watching.see(frames=100, motion=wild)
+    place = watching.follower.state.pending_point_px
+    assert place is not None
+    assert all(math.isfinite(value) for value in place)
+
+
+def test_a_second_click_replaces_the_first_and_none_clears_it() -> None:
+    watching = Watching()
+    watching.follower.choose(CLICK)
+    watching.follower.choose(TargetRequest(mode="point", x_px=500.0, y_px=300.0))
+    watching.see(person(1, x=100), person(2, x=500), frames=2)
+    assert watching.chosen == ("point", 2)
+    watching.follower.choose(TargetRequest(mode="point", x_px=300.0, y_px=300.0))
+    watching.follower.choose(TargetRequest(mode="none"))
+    watching.see(person(5, x=300), frames=2)
+    assert watching.chosen == ("none", None)
+
+
+def test_before_the_first_picture_no_point_can_be_chosen() -> None:
+    with pytest.raises(TargetError, match="no picture yet"):
+        Follower(FollowerSettings()).choose(CLICK)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        TargetRequest(mode="nearest"),
+        TargetRequest(mode="imprint"),
+        TargetRequest(mode="id", track_id=1),
+        TargetRequest(mode="point", x_px=320, y_px=300),
+        CLICK,
+    ],
+    ids=["nearest", "imprint", "id", "point", "nobody"],
+)
+def test_nobody_is_chosen_from_stale_tracks(request_: TargetRequest) -> None:
+    watching = Watching(person(1))
+    watching.wait(8.0)
+    with pytest.raises(TargetError, match=r"tracks are 8\.0 s old"):
+        watching.follower.choose(request_)
+    assert watching.chosen == ("none", None)
+    assert watching.follower.choose(TargetRequest(mode="none")).reason == "cleared"
+
+
+BEHIND = person(2, x=330, state="occluded", occluded_by=(1,))
+
+
+@pytest.mark.parametrize(
+    ("people", "request_"),
+    [
+        ((person(1), BEHIND), TargetRequest(mode="id", track_id=2)),
+        ((person(1), person(2, x=340)), TargetRequest(mode="point", x_px=310, y_px=300)),
+        ((person(1), person(2, x=340, height=190.0)), TargetRequest(mode="nearest")),
+    ],
+    ids=["hidden", "overlap", "nearest"],
+)
+def test_a_box_on_two_people_is_said_to_be_so(
+    people: tuple[Track, ...], request_: TargetRequest
+) -> None:
+    watching = Watching(*people)
+    reason = watching.follower.choose(request_).reason
+    assert "covers two people" in reason
+    assert "choose again when they have parted" in reason
+
+
+def test_a_click_on_somebody_hidden_in_a_group_is_refused() -> None:
+    watching = Watching(person(1), BEHIND)
+    with pytest.raises(TargetError, match="covers two people, 2 and 1"):
+        watching.follower.choose(TargetRequest(mode="point", x_px=331, y_px=300))
+
+
+def test_people_beside_each_other_are_just_chosen() -> None:
+    watching = Watching(person(1), person(2, x=380))
+    target = watching.follower.choose(TargetRequest(mode="point", x_px=310, y_px=300))
+    assert (target.track_id, target.reason) == (1, "chosen")
+
+
+def restarted(**changes: int) -> Tracks:
+    return tracks(person(1), person(2)).model_copy(update=changes)
+
+
+@pytest.mark.parametrize(
+    ("seen", "tracker", "words"),
+    [
+        (restarted(epoch=2), TRACKER, "the camera was restarted: choose again"),
+        (restarted(width=1280, height=960), TRACKER, "the picture has another size: choose again"),
+        (restarted(), OTHER_TRACKER, "the tracker was replaced: choose again"),
+    ],
+    ids=["camera", "size", "tracker"],
+)
+@pytest.mark.parametrize("pending", [False, True], ids=["chosen", "pending"])
+def test_whose_id_means_nobody_any_more_has_to_be_chosen_again(
+    seen: Tracks, tracker: str, words: str, pending: bool
+) -> None:
+    watching = Watching(person(1))
+    watching.follower.choose(CLICK if pending else TargetRequest(mode="id", track_id=1))
+    watching.see(person(1), frames=10)
+    watching.follower.observe(seen, tracker)
+    command = watching.follower.step(watching.now_s + 0.02, 0.02)
+    assert (command.state, command.reason) == ("idle", words)
+    assert (command.linear_mps, command.angular_radps) == (0.0, 0.0)
+
+
+def test_who_waits_for_the_nearest_goes_on_waiting_after_a_restart() -> None:
+    made = Follower(FollowerSettings(target="nearest"))
+    made.observe(tracks(), TRACKER)
+    made.step(10.0, 0.0)
+    made.observe(restarted(epoch=2), TRACKER)
+    made.step(10.1, 0.0)
+    assert made.target.mode == "nearest"
+    assert made.target.track_id is not None
