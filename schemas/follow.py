@@ -74,7 +74,7 @@ class TargetRequest(Message):
 
 
 class Target(Message):
-    """What is being followed. Reply of `follow/target` and published there on change."""
+    """Who is followed or waited for. Reply of `follow/target` and published there on change."""
 
     schema_name: ClassVar[str] = "target"
     max_bytes: ClassVar[int] = 4096

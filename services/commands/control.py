@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _TIMEOUT_S = 2.0
+_POINT_WAIT_S, _POINT_POLL_S = 8.0, 0.1
+"""Longer than the follower looks for somebody who was pointed at."""
 _HEALTH_WAIT_S = 1.5
 _SHM = {True: "yes", False: "no", None: "-"}
 
@@ -108,7 +110,27 @@ def follow(
         if not isinstance(target, Target):
             raise HeelError("no follower answers: start one with `heel follower`, `heel run` or "
                             "`heel demo`")  # fmt: skip
+        if target.mode == "point" and target.track_id is None:
+            typer.echo(f"target: {_shown(target)}")
+            target = _found(session, target)
         typer.echo(f"target: {_shown(target)}")
+
+
+def _found(session: zenoh.Session, asked: Target) -> Target:
+    """Who was found at a point.
+
+    Raises:
+        HeelError: nobody was.
+    """
+    deadline_s = time.monotonic() + _POINT_WAIT_S
+    target = asked
+    while target.seq == asked.seq and time.monotonic() < deadline_s:
+        time.sleep(_POINT_POLL_S)
+        answer = _ask(session, keys.FOLLOW_TARGET, Target)
+        target = answer if isinstance(answer, Target) else target
+    if target.track_id is None:
+        raise HeelError(_shown(target))
+    return target
 
 
 def _request(who: list[str]) -> TargetRequest:

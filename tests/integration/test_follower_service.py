@@ -16,7 +16,9 @@ from schemas import (
     Pointed,
     Ranges,
     Stamp,
+    Target,
     TargetRequest,
+    Track,
     encode,
     keys,
 )
@@ -34,12 +36,14 @@ class Robot:
     """Plays tracker, camera and wheels for a follower's process, and hears its state."""
 
     def __init__(self, endpoint: str, resources: ExitStack) -> None:
+        self.endpoint = endpoint
         self.session = resources.enter_context(network.client(endpoint))
         self.process = resources.enter_context(
             running("-m", "services.follower", "--connect", endpoint)
         )
         self.states: list[FollowState] = []
         self.seq = 0
+        self.people: tuple[Track, ...] = (person(1, height=60.0),)
         subscriber = self.session.declare_subscriber(keys.FOLLOW_STATE, self._note)
         resources.callback(subscriber.undeclare)
         network.wait_until(lambda: "is up" in self.process.stderr(), "the follower", 30.0)
@@ -63,8 +67,7 @@ class Robot:
 
         def told() -> bool:
             self.seq += 1
-            far = person(1, height=60.0)
-            self.put(keys.tracks("front"), tracks(far, seq=self.seq))
+            self.put(keys.tracks("front"), tracks(*self.people, seq=self.seq))
             for key, message in beside:
                 self.put(key, message)
             time.sleep(_PERIOD_S)
@@ -73,12 +76,13 @@ class Robot:
         network.wait_until(told, what)
         return self.states[-1]
 
-    def choose(self) -> None:
-        request = TargetRequest(mode="id", track_id=1)
+    def choose(self, request: TargetRequest) -> Target:
         replies = list(
             self.session.get(keys.FOLLOW_TARGET, payload=encode(request), timeout=5.0)
         )  # fmt: skip
-        assert replies[0].ok is not None
+        reply = replies[0].ok
+        assert reply is not None
+        return decode(Target, reply.payload.to_bytes(), str(reply.encoding))
 
 
 @pytest.fixture
@@ -90,7 +94,7 @@ def robot() -> Iterator[Robot]:
 
 def test_ranges_and_camera_reach_the_core_and_their_end_stops_the_robot(robot: Robot) -> None:
     robot.until("a first state", lambda state: state.state == "idle")
-    robot.choose()
+    robot.choose(TargetRequest(mode="id", track_id=1))
     plain = robot.until("driving", lambda state: state.linear_mps > 0.5)
     assert (plain.obstacle_watch, plain.free_distance_m) == (False, None)
     robot.put(keys.info("front"), INFO, stamped=False)
@@ -112,15 +116,29 @@ def test_ranges_and_camera_reach_the_core_and_their_end_stops_the_robot(robot: R
     assert (ended.linear_mps, ended.angular_radps) == (0.0, 0.0)
 
 
-def test_a_refused_point_is_published_for_the_detector(robot: Robot) -> None:
+def test_a_point_stays_pending_is_published_and_chosen_once_somebody_is_there(robot: Robot) -> None:
     robot.until("a first state", lambda state: state.state == "idle")
     with network.collected(robot.session, keys.FOLLOW_POINTED) as points:
-        request = TargetRequest(mode="point", x_px=3.0, y_px=4.0)
-        reply = next(
-            iter(robot.session.get(keys.FOLLOW_TARGET, payload=encode(request), timeout=5))
-        )
-        assert reply.err is not None
-        assert b"nobody is tracked at (3, 4)" in reply.err.payload.to_bytes()
+        target = robot.choose(TargetRequest(mode="point", x_px=3.0, y_px=4.0))
+        assert (target.mode, target.track_id) == ("point", None)
         sample = points.get(timeout=network.DEADLINE_S)
     pointed = decode(Pointed, sample.payload.to_bytes(), str(sample.encoding))
     assert (pointed.x_px, pointed.y_px, pointed.frame.stream) == (3.0, 4.0, "front")
+    waiting = robot.until("pending", lambda state: state.pending_point_px is not None)
+    assert waiting.reason == "looking for somebody there"
+    robot.people = (person(1, height=60.0), person(2, box_xyxy=(0.0, 0.0, 40.0, 200.0)))
+    found = robot.until("somebody there", lambda state: state.target.track_id is not None)
+    assert (found.target.mode, found.target.track_id) == ("point", 2)
+
+
+def test_heel_follow_waits_for_what_becomes_of_a_point(robot: Robot) -> None:
+    robot.until("a first state", lambda state: state.state == "idle")
+    command = ("-m", "services", "follow", "3", "4", "--connect", robot.endpoint)
+    with running(*command) as process:
+        robot.until("pending", lambda state: state.pending_point_px is not None)
+        robot.people = (person(2, box_xyxy=(0.0, 0.0, 40.0, 200.0)),)
+        robot.until("somebody there", lambda state: state.target.track_id is not None)
+        assert process.wait(network.DEADLINE_S) == 0
+        told = process.stdout()
+    assert "looking for somebody there" in told
+    assert "person 2 (point): found where you pointed" in told
