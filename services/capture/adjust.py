@@ -29,6 +29,7 @@ class AdjustedSource(FrameSource):
         self.name = source.name
         self.width, self.height = scaled_size(source.width, source.height, scale)
         self.fps = source.fps if fps is None else fps
+        self._restamp = fps is not None and not source.is_live
         self.frame_count, self.is_live = source.frame_count, source.is_live
         self.window = source.window
 
@@ -38,7 +39,7 @@ class AdjustedSource(FrameSource):
         if frame is None:
             self.end_reason = self._source.end_reason
             return None
-        time_s = frame.media_time_s if self.is_live else frame.index / self.fps
+        time_s = frame.index / self.fps if self._restamp else frame.media_time_s
         return replace(frame, image=shrink(frame.image, self._scale), media_time_s=time_s)
 
     def close(self) -> None:
@@ -65,8 +66,8 @@ class LoopedSource(FrameSource):
         self._source = reopen()
         self.name, self.fps = self._source.name, self._source.fps
         self.width, self.height = self._source.width, self._source.height
-        self._offset = 0
-        self._next = 0
+        self._offset, self._offset_s = 0, 0.0
+        self._next, self._next_s = 0, 0.0
 
     def read(self, timeout_s: float = 5.0) -> Frame | None:
         """The next frame; None only when closed, or when a pass gave no frame at all."""
@@ -74,14 +75,14 @@ class LoopedSource(FrameSource):
         if frame is None and self._next > self._offset and not self.end_reason:
             self._source.close()
             self._source = self._reopen()
-            self._offset = self._next
+            self._offset, self._offset_s = self._next, self._next_s
             frame = self._source.read(timeout_s)
         if frame is None:
             self.end_reason = self.end_reason or self._source.end_reason
             return None
-        index = self._offset + frame.index
-        self._next = index + 1
-        return replace(frame, index=index, media_time_s=index / self.fps)
+        index, time_s = self._offset + frame.index, self._offset_s + frame.media_time_s
+        self._next, self._next_s = index + 1, time_s + 1.0 / self.fps
+        return replace(frame, index=index, media_time_s=time_s)
 
     def close(self) -> None:
         """Close the recording; it is not played again."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from functools import partial
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from schemas.errors import SourceError
 from services.capture.live import LiveSource
 from services.capture.quiet import silence_decoders
 from services.capture.source import Warn, log_warning
+from services.runtime.passwords import without_passwords
 
 STREAM_SCHEMES = frozenset({"rtsp", "rtsps", "http", "https"})
 
@@ -42,15 +42,9 @@ def open_stream(
     Raises:
         SourceError: nothing answers there, or it gives no picture.
     """
-    name = without_password(address)
+    name = without_passwords(address)
     connect = partial(_connect_stream, address, name, timeout_s)
     return LiveSource(name, connect, open_timeout_s, stall_after_s=timeout_s, warn=warn)
-
-
-def without_password(address: str) -> str:
-    """The address with the user part cut out, fit for logs and health messages."""
-    # Not urlsplit, which refuses some malformed addresses: an error message must name them too.
-    return re.sub(r"://[^/?#]*@", "://", address, count=1)
 
 
 def _connect_device(number: int, fps: float | None) -> cv2.VideoCapture:

@@ -50,10 +50,9 @@ def open_sequence(folder: Path, warn: Warn = log_warning) -> FrameSource:
 
 
 def _open_video(path: Path, fps: float, length: int | None, warn: Warn) -> FrameSource:
-    source = VideoFileSource(path, warn)
+    source = VideoFileSource(path, warn, fps)
     if length is not None and source.frame_count not in (None, length):
         warn(f"{path}: {source.frame_count} frames, but {SEQUENCE_FILE} says {length}")
-    source.fps = fps
     return source
 
 

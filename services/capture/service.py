@@ -138,11 +138,12 @@ class CaptureService:
             return not self._context.stop.is_set()
         if self._pacer is None:
             return True
-        if self._pacer.frames_behind(frame.index, time.monotonic()) > 0:
+        position = frame.media_time_s * self._source.fps
+        if self._pacer.frames_behind(position, time.monotonic()) > 0:
             self._context.statistics.dropped += 1
             return False
         while self._context.running:
-            delay_s = self._pacer.delay_s(frame.index, time.monotonic())
+            delay_s = self._pacer.delay_s(position, time.monotonic())
             if delay_s <= 0:
                 return True
             self._context.stop.wait(min(delay_s, LOOP_WAIT_S))

@@ -40,7 +40,8 @@ class Frame:
         index: position on the source's own timeline, from 0. Numbers are left out where a folder
             has a gap, a picture is unreadable or a camera was faster than its reader, so that
             frame `n` of a data set's ground truth is always `index + 1`.
-        media_time_s: `index / fps` in a recording, seconds since the first frame of a camera.
+        media_time_s: seconds since the first frame: by the time stamps of a video, `index / fps` in
+            a folder, a scene and wherever a rate is given, by the clock of a camera.
         source_width: width in pixels before `--scale`.
         source_height: height in pixels before `--scale`.
         acquired_ns: `time.monotonic_ns()` when a camera delivered it, None in a recording.

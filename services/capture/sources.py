@@ -9,13 +9,14 @@ from pathlib import Path
 
 from schemas.errors import SourceError
 from services.capture.adjust import AdjustedSource, LoopedSource, check_adjustment
-from services.capture.camera import STREAM_SCHEMES, open_device, open_stream, without_password
+from services.capture.camera import STREAM_SCHEMES, open_device, open_stream
 from services.capture.image_folder import IMAGE_SUFFIXES, ImageFolderSource, list_images
 from services.capture.scene_source import SCENE_PREFIX, open_scene
 from services.capture.sequence import SEQUENCE_FILE, open_sequence
 from services.capture.source import FrameSource, Warn, log_warning
 from services.capture.video_file import VideoFileSource
 from services.capture.virtual_pan import PAN_PREFIX, open_pan
+from services.runtime.passwords import without_passwords
 
 _DEVICE = re.compile(r"(?:/dev/video)?(\d{1,4})")
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
@@ -57,7 +58,7 @@ def open_source(
     elif scheme:
         if scheme.group(1).lower() not in STREAM_SCHEMES:
             raise SourceError(
-                f"{without_password(spec)}: cannot read {scheme.group(1)}://; "
+                f"{without_passwords(spec)}: cannot read {scheme.group(1)}://; "
                 f"give one of {', '.join(sorted(STREAM_SCHEMES))}, a path or scene:demo"
             )
         source = open_stream(spec, warn=warn)

@@ -1,105 +1,220 @@
-"""Frames of a video file, through FFmpeg."""
+"""Frames of a recorded video, through FFmpeg: of a file, or of one that a server holds."""
 
 from __future__ import annotations
 
-import os
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import cv2
+import av.error
 
 from schemas.errors import SourceError
-from services.capture.pixels import to_bgr8
-from services.capture.quiet import silence_decoders
+from services.capture.decoding import Converter, Decoded, Decoder
+from services.capture.ffmpeg import CONVERT, open_file, reason, shown_path, video_stream
 from services.capture.source import Frame, FrameSource, Warn, log_warning, plausible_fps
 
+if TYPE_CHECKING:
+    from av.container import InputContainer
+    from av.video.stream import VideoStream
 
-class VideoFileSource(FrameSource):
-    """A video file, frame after frame at its nominal rate.
+_LONGEST_GAP_S = 86_400.0
+"""A time stamp that leaps by more than a day is a defect, not a pause."""
+_SLACK_FRAMES = 2.0
+_SLACK_S = 0.2
+"""What may be missing at the end of a healthy file: containers round durations."""
 
-    What can be decoded before a damage is delivered; `end_reason` then says how much is missing.
-    Where the resolution changes in mid-stream, OpenCV 5.0 scales to the size of the first frame.
+
+class RecordedVideo(FrameSource):
+    """A finished video, frame after frame, each at its own time stamp.
+
+    `Frame.index` counts the frames as they come; where damage swallowed some, it leaves their
+    numbers out, as far as the time stamps tell. What can be decoded around a damage is delivered;
+    `end_reason` then says what is missing.
+
+    Args:
+        container: is closed with this source.
+        name: for people.
+        warn: told of every defect.
+        fps: rate to go by in place of the stream's own time stamps.
 
     Raises:
-        SourceError: the file is missing, empty or holds no video that FFmpeg can decode.
+        SourceError: there is no video in it that FFmpeg can decode.
     """
 
-    def __init__(self, path: Path, warn: Warn = log_warning) -> None:
-        self.name = str(path)
+    def __init__(
+        self,
+        container: InputContainer,
+        name: str,
+        warn: Warn = log_warning,
+        fps: float | None = None,
+    ) -> None:
+        self.name = name
         self._warn = warn
-        self._capture = _open(path)
-        self._index = 0
-        # The first frame is decoded here: a file may have a good header and nothing behind it, and
-        # the header's size is that of the container, which rotation swaps.
-        self._first = self._decode()
-        if self._first is None:
-            self._capture.release()
-            raise SourceError(
-                f"{path}: no frame can be decoded; the file is damaged or truncated, copy it again"
-            )
+        self._container: InputContainer | None = container
+        try:
+            stream = video_stream(container, name)
+            self._decoder = Decoder(stream)
+            self._converter = Converter()
+            self._codec = stream.codec_context.name
+            self.fps = _rate(stream, name, warn) if fps is None else fps
+            self._timeline = None if fps is not None else _Timeline(1.0 / self.fps)
+            self._announced = _announced(container, stream, self.fps)
+            self.frame_count = self._announced.frames
+            self._decoded = self._decode_all(container, stream)
+            self._index = self._count = self._left_out = 0
+            self._problem = ""
+            self._end_s = 0.0
+            self._shape: tuple[int, int] | None = None
+            # The first frame is decoded here: a file may have a good header and nothing behind it,
+            # and the header's size is that of the container, which a display matrix may turn.
+            self._first = self._advance()
+            if self._first is None:
+                raise SourceError(self._nothing_decoded())
+        except BaseException:
+            self.close()
+            raise
         self.width, self.height = self._first.source_width, self._first.source_height
-        announced = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
-        self.frame_count = int(announced) if 0 < announced < 2**31 else None
 
     def read(self, timeout_s: float = 5.0) -> Frame | None:
-        """The next frame, None at the end; a file never times out."""
+        """The next frame, None at the end."""
         frame, self._first = self._first, None
         if frame is None:
-            frame = self._decode()
+            frame = self._advance()
         if frame is None and not self.end_reason:
             self.end_reason = self._judge_end()
         return frame
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the recording."""
         self._first = None
-        self._capture.release()
+        if self._container is not None:
+            self._decoded = iter(())
+            self._container.close()
+            self._container = None
+            self.end_reason = self.end_reason or "closed"
 
-    def _decode(self) -> Frame | None:
-        if not self._capture.isOpened():
+    def _advance(self) -> Frame | None:
+        decoded = next(self._decoded, None)
+        if decoded is None:
             return None
-        if self._index == 0:
-            self.fps = plausible_fps(
-                float(self._capture.get(cv2.CAP_PROP_FPS)), self.name, self._warn
-            )
-        done, picture = self._capture.read()
-        if not done:
-            return None
-        image = to_bgr8(picture)
+        image = self._converter.image(decoded.frame)
         height, width = image.shape[:2]
-        frame = Frame(image, self._index, self._index / self.fps, width, height)
+        skipped = 0
+        if self._timeline is None:
+            media_time_s = self._count / self.fps
+        else:
+            media_time_s, passed_s = self._timeline.place(decoded.pts_s)
+            if self._decoder.damaged_packets or self._decoder.cut_packets:
+                skipped = max(0, round(passed_s * self.fps) - 1)
+        self._index += skipped
+        self._left_out += skipped
+        frame = Frame(image, self._index, media_time_s, width, height)
         self._index += 1
+        self._count += 1
+        self._end_s = media_time_s + 1.0 / self.fps
         return frame
 
+    def _decode_all(self, container: InputContainer, stream: VideoStream) -> Iterator[Decoded]:
+        try:
+            for packet in container.demux(stream):
+                yield from self._decoder.decode(packet if packet.size else None)
+        except (av.error.FFmpegError, ValueError) as error:
+            self._problem = reason(error)
+            yield from self._decoder.decode(None)
+
+    def _nothing_decoded(self) -> str:
+        why = f" ({self._problem})" if self._problem else ""
+        return (
+            f"{self.name}: no frame of its {self._codec} video can be decoded{why}; the file is "
+            f"damaged or truncated: copy it again, or {CONVERT}"
+        )
+
     def _judge_end(self) -> str:
-        if not self._capture.isOpened():
-            return "closed"
-        # One frame of slack: containers without an index state duration times rate, rounded.
-        if self.frame_count is None or self._index >= self.frame_count - 1:
+        damaged = self._decoder.damaged_packets + self._decoder.last_is_cut
+        if self._left_out:
+            damaged = max(damaged, self._left_out)
+        if not self._cut_off() and not damaged and not self._problem:
             return "end of file"
-        reason = (
-            f"{self.name}: ended after {self._index} of {self.frame_count} frames; the file is "
-            "damaged or truncated, copy or convert it again"
+        of = f" of {self._announced.frames}" if self._announced.frames else ""
+        why = f" ({self._problem})" if self._problem else ""
+        places = f", {damaged} damaged on the way" if damaged else ""
+        said = (
+            f"{self.name}: ended after {self._count}{of} frames at {self._end_s:.1f} s{places}"
+            f"{why}; the file is damaged or truncated, copy or convert it again"
         )
-        self._warn(reason)
-        return reason
+        self._warn(said)
+        return said
+
+    def _cut_off(self) -> bool:
+        """Whether frames are missing at the end, by number and by time."""
+        frames, duration_s = self._announced.frames, self._announced.duration_s
+        if frames is not None and self._index >= frames - 1:
+            return False
+        if duration_s is None or self._timeline is None:
+            return frames is not None
+        return duration_s - self._end_s > max(_SLACK_S, _SLACK_FRAMES / self.fps)
 
 
-def _open(path: Path) -> cv2.VideoCapture:
-    silence_decoders()
-    if not path.exists():
-        raise SourceError(f"{path}: no such file or folder; check the path")
-    if not path.is_file():
-        raise SourceError(f"{path}: not a regular file; give a video file or a folder of images")
-    if not os.access(path, os.R_OK):
-        raise SourceError(f"{path}: may not be read; check its permissions")
-    if path.stat().st_size == 0:
-        raise SourceError(f"{path}: the file is empty; copy it again")
-    # An absolute path, since FFmpeg takes `a:b.mp4` for a protocol named `a`.
-    capture = cv2.VideoCapture(os.path.abspath(path), cv2.CAP_FFMPEG)
-    if not capture.isOpened():
-        capture.release()
-        raise SourceError(
-            f"{path}: not a video that FFmpeg can read, or cut off before its index; "
-            "check the file or convert it"
-        )
-    return capture
+class VideoFileSource(RecordedVideo):
+    """A video file.
+
+    Raises:
+        SourceError: the file is missing, empty or holds no video that FFmpeg can decode.
+    """
+
+    def __init__(self, path: Path, warn: Warn = log_warning, fps: float | None = None) -> None:
+        super().__init__(open_file(path), shown_path(path), warn, fps)
+
+
+@dataclass(frozen=True)
+class _Announced:
+    """What the container says of the stream; None where it says nothing that can be trusted."""
+
+    frames: int | None
+    duration_s: float | None
+
+
+def _announced(container: InputContainer, stream: VideoStream, fps: float) -> _Announced:
+    # Edit lists, which phones and cuts without coding write, leave packets out from display.
+    left_out = sum(entry.is_discard for entry in stream.index_entries) if stream.frames else 0
+    frames = stream.frames - left_out if stream.frames > left_out else None
+    if stream.duration is not None and stream.time_base is not None:
+        # FFmpeg shortens the duration of an AVI to what the file has room for.
+        whole_s = 0.0 if frames is None else frames / fps
+        return _Announced(frames, max(whole_s, float(stream.duration * stream.time_base)))
+    # The container's duration is that of its longest stream, sound perhaps.
+    if container.duration is not None and len(container.streams) == 1:
+        return _Announced(frames, container.duration / av.time_base)
+    return _Announced(frames, None)
+
+
+def _rate(stream: VideoStream, name: str, warn: Warn) -> float:
+    return plausible_fps(float(stream.guessed_rate or 0.0), name, warn)
+
+
+class _Timeline:
+    """Time stamps as seconds since the first frame, which never stand still or go back.
+
+    Where the stream's clock starts anew, as in recordings put one behind the other, its next frame
+    follows the last at the nominal period.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._offset_s = 0.0
+        self._last_s: float | None = None
+
+    def place(self, pts_s: float | None) -> tuple[float, float]:
+        """The frame's time, and how long after the last frame that is; seconds."""
+        if self._last_s is None:
+            self._last_s = 0.0
+            self._offset_s = 0.0 if pts_s is None else -pts_s
+            return 0.0, 0.0
+        last_s = self._last_s
+        time_s = last_s + self._period_s if pts_s is None else pts_s + self._offset_s
+        if not last_s < time_s <= last_s + _LONGEST_GAP_S:
+            time_s = last_s + self._period_s
+            self._offset_s = time_s - (pts_s or 0.0)
+        self._last_s = time_s
+        return time_s, time_s - last_s

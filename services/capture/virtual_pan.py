@@ -69,7 +69,7 @@ class VirtualPanSource(FrameSource):
         if frame is None:
             self.end_reason = self._recording.end_reason
             return None
-        delay_s = self._pacer.delay_s(frame.index, self._clock())
+        delay_s = self._pacer.delay_s(frame.media_time_s * self.fps, self._clock())
         self._wait(min(delay_s, timeout_s))
         if delay_s > timeout_s:
             raise SourceTimeout(f"{self.name}: no frame is due within {timeout_s:g} s")
@@ -86,7 +86,7 @@ class VirtualPanSource(FrameSource):
             frame = self._recording.read()
             if frame is None:
                 return None
-            if self._pacer.frames_behind(frame.index, self._clock()) == 0:
+            if self._pacer.frames_behind(frame.media_time_s * self.fps, self._clock()) == 0:
                 self._next = frame
         return self._next
 

@@ -119,7 +119,9 @@ def _of_recording(source: str) -> tuple[dict[int, FloatArray], tuple[int, int]]:
     size = (0, 0)
     with RecordedFrames(source) as frames:
         if frames.source.is_live:
-            raise HeelError(f"{source}: give a recording; record one with `heel run` first")
+            raise HeelError(
+                f"{frames.source.name}: give a recording; record one with `heel run` first"
+            )
         for frame, image, source_size in frames:
             tracks = pipeline.step(frame, image, source_size).tracks
             size = (tracks.width, tracks.height)

@@ -31,7 +31,7 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
     with ExitStack() as stack:
         frames = stack.enter_context(RecordedFrames(options.source, options.scale, options.fps))
         if frames.source.is_live:
-            raise HeelError(f"{options.source}: --in-process takes recordings, not cameras")
+            raise HeelError(f"{frames.source.name}: --in-process takes recordings, not cameras")
         outputs = stack.enter_context(RunOutputs(options.out))
         stack.callback(summary.write, options.out)
         pipeline, summary.settings = load_pipeline(

@@ -20,22 +20,22 @@ class Pacer:
         self._fps = fps
         self._start_s: float | None = None
 
-    def due_s(self, index: int, now_s: float) -> float:
+    def due_s(self, index: float, now_s: float) -> float:
         """When frame `index` is due, on the clock of `now_s`; the first one asked for is due now.
 
         Args:
-            index: position of the frame on the source's timeline.
+            index: position of the frame on the source's timeline, frame periods from its start.
             now_s: a monotonic clock, seconds.
         """
         if self._start_s is None:
             self._start_s = now_s - index / self._fps
         return self._start_s + index / self._fps
 
-    def delay_s(self, index: int, now_s: float) -> float:
+    def delay_s(self, index: float, now_s: float) -> float:
         """Seconds to wait before showing frame `index`; 0 when it is late."""
         return max(0.0, self.due_s(index, now_s) - now_s)
 
-    def frames_behind(self, index: int, now_s: float) -> int:
+    def frames_behind(self, index: float, now_s: float) -> int:
         """How many frames from `index` on should be left out because a later one is due already.
 
         The frame shown in their place is at most one frame period late.
@@ -44,6 +44,6 @@ class Pacer:
         lateness_s = now_s - self.due_s(index, now_s) + 1e-9
         return max(0, int(lateness_s * self._fps))
 
-    def resume(self, index: int, now_s: float) -> None:
+    def resume(self, index: float, now_s: float) -> None:
         """Start the grid anew with frame `index` due now, after a pause that nobody should see."""
         self._start_s = now_s - index / self._fps

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import difflib
 import os
-import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -42,12 +41,12 @@ from pydantic_settings import PydanticBaseSettingsSource as Source
 
 from schemas.base import Name
 from schemas.errors import SettingsError
+from services.runtime.passwords import without_passwords
 
 SERVICES = ("capture", "detector", "tracker", "follower", "drive", "web", "recorder", "simulator",
             "router", "run")  # fmt: skip
 SECTIONS = (*SERVICES, "zenoh", "log")
 ENVIRONMENT_PREFIX = "HEEL_"
-_PASSWORD_IN_ADDRESS = re.compile(r"(?<=://)[^/@\s]*@")
 
 
 class StrictSettings(BaseModel):
@@ -152,17 +151,19 @@ class Loaded(BaseModel, Generic[S]):
     def shown(self, name: str) -> dict[str, Any]:
         """The settings as `--show-config` and the config queryable print them, secrets hidden."""
         return {
-            name: _without_passwords(self.service.model_dump(mode="json")),
+            name: {
+                key: _hidden(value) for key, value in self.service.model_dump(mode="json").items()
+            },
             "zenoh": self.zenoh.model_dump(mode="json"),
             "log": self.log.model_dump(mode="json"),
         }
 
 
-def _without_passwords(values: dict[str, Any]) -> dict[str, Any]:
-    return {
-        key: _PASSWORD_IN_ADDRESS.sub("***@", value) if isinstance(value, str) else value
-        for key, value in values.items()
-    }
+def _hidden(value: Any) -> Any:
+    """A value of a setting without the passwords of the addresses in it."""
+    if isinstance(value, list):
+        return [_hidden(one) for one in value]
+    return without_passwords(value) if isinstance(value, str) else value
 
 
 class _Environment(EnvSettingsSource):
@@ -297,5 +298,6 @@ def _explain(error: ValidationError, service: str, model: type[BaseModel]) -> st
     }
     if first["type"] == "extra_forbidden" and len(path) > 1:
         return f"{where}: unknown key{_nearest(path[1], owners[path[0]].model_fields)}"
-    value = "" if len(path) < 2 or path[-1] == "password" else f" = {first.get('input')!r:.80}"
+    given = without_passwords(repr(first.get("input")))
+    value = "" if len(path) < 2 or path[-1] == "password" else f" = {given:.80}"
     return f"{where}{value}: {first['msg']}; see `heel {service} --help`"

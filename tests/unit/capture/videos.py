@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
+from fractions import Fraction
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
+import pytest
+from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 STEP = 16
@@ -53,3 +58,45 @@ def write_folder(folder: Path, numbers: list[int], pattern: str = "{:06d}.png") 
     for number in numbers:
         write_picture(folder / pattern.format(number), picture(number))
     return folder
+
+
+def encode_video(
+    path: Path,
+    images: list[NDArray[np.uint8]],
+    codec: str = "libx264",
+    *,
+    ticks: list[int] | None = None,
+    options: dict[str, str] | None = None,
+    matrix: tuple[int, int, int, int] | None = None,
+    fps: int = 25,
+) -> Path:
+    """Encode pictures with PyAV.
+
+    Args:
+        path: its suffix chooses the container.
+        images: (H, W, 3) uint8 BGR each.
+        codec: skips the test where this FFmpeg has no such encoder.
+        ticks: time stamps in frame periods; None counts.
+        options: of the encoder.
+        matrix: signs a, b, c, d of a display matrix.
+        fps: frames per second.
+    """
+    if codec not in av.codecs_available:
+        pytest.skip(f"FFmpeg was built without {codec}")
+    height, width = images[0].shape[:2]
+    with av.open(os.fspath(path), "w") as container:
+        stream = container.add_stream(codec, rate=fps, options=options or {})
+        assert isinstance(stream, VideoStream)
+        stream.width, stream.height = width, height
+        stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+        stream.codec_context.time_base = Fraction(1, fps)
+        if matrix is not None:
+            a, b, c, d = (65536 * sign for sign in matrix)
+            stream.set_display_matrix((a, b, 0, c, d, 0, 0, 0, 1 << 30))
+        for count, image in enumerate(images):
+            frame = av.VideoFrame.from_ndarray(image, "bgr24")
+            frame.pts = count if ticks is None else ticks[count]
+            frame.time_base = Fraction(1, fps)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
