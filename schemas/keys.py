@@ -25,6 +25,7 @@ SIM_WORLD = "sim/world"
 ALL_HEALTH = "svc/*/*/health"
 ALL_CONFIG = "svc/*/*/config"
 ALL_ALIVE = "alive/*/*"
+ALL_TRACKS = "cam/*/tracks"
 
 
 def chunk(name: str, what: str = "name") -> str:

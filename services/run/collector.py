@@ -33,6 +33,7 @@ from services.runtime import qos
 from services.runtime.counters import ServiceStatistics
 from services.runtime.inbox import Arrival, Inbox
 from services.runtime.logs import OncePerSecond
+from services.runtime.registry import Registration
 from services.runtime.streams import Received, StreamJudge
 
 CONSUMER = "run"
@@ -52,8 +53,10 @@ class Collector:
         summary: RunSummary,
         warn: OncePerSecond,
         resources: ExitStack,
+        note: Registration,
     ) -> None:
         self._options, self._outputs, self._summary = options, outputs, summary
+        self._note = note
         self._lossless = options.delivery == "lossless"
         self._video = (
             resources.enter_context(AnnotatedVideo(outputs.folder / "annotated.mp4"))
@@ -127,9 +130,12 @@ class Collector:
             self._target_id = decode(Target, arrival.payload, arrival.encoding).track_id
 
     def _page(self, url: str | None) -> None:
-        if url and not self._page_told and self._options.on_page is not None:
-            self._page_told = True
-            self._options.on_page(url)
+        if not url or self._page_told:
+            return
+        self._page_told = True
+        for tell in (self._note.page_is, self._options.on_page):
+            if tell is not None:
+                tell(url)
 
     def _end(self, arrival: Arrival) -> None:
         end = self._judges[arrival.topic].end(arrival)

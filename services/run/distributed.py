@@ -22,6 +22,7 @@ from services.run.summary import RunSummary
 from services.runtime import process
 from services.runtime.inbox import Inbox
 from services.runtime.logs import OncePerSecond
+from services.runtime.registry import registered
 from services.runtime.router import open_private_router
 
 _STALL_TIMEOUT_S = 60.0
@@ -53,15 +54,27 @@ class DistributedRun:
             session, endpoint = stack.enter_context(open_private_router())
             inbox = stack.enter_context(Inbox(session))
             warn = OncePerSecond(self._log)
+            note = stack.enter_context(
+                registered("run", self._played(), endpoint, self._parts(), self._log)
+            )
             collector = Collector(
-                session, inbox, self._options, outputs, self.summary, warn, stack
-            )  # fmt: skip
+                session, inbox, self._options, outputs, self.summary, warn, stack, note
+            )
             children = stack.enter_context(Children(self._options.out / "logs"))
             self._start(session, endpoint, children)
             progress = stack.enter_context(RunProgress(self._options.progress))
             process.spare_from_collection()
             self._collect(inbox, collector, children, progress)
         return self.summary
+
+    def _played(self) -> str:
+        """The source for people; what stands in an address may be a password."""
+        scheme, separator, _ = self._options.source.partition("://")
+        return f"{scheme}://..." if separator else scheme
+
+    def _parts(self) -> tuple[str, ...]:
+        parts = ("capture", "detector", "tracker", "follower")
+        return parts if self._options.web_port is None else (*parts, "web")
 
     def _start(self, session: zenoh.Session, endpoint: str, children: Children) -> None:
         o = self._options

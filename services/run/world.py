@@ -33,6 +33,7 @@ from services.run.presence import await_present
 from services.runtime import qos
 from services.runtime.inbox import Arrival, Inbox
 from services.runtime.logs import OncePerSecond
+from services.runtime.registry import Registration, registered
 from services.runtime.router import open_private_router
 
 CAMERA = "front"
@@ -65,7 +66,8 @@ class WorldRun:
     """Starts simulator and stack, looks on, and ends them."""
 
     def __init__(self, options: WorldOptions, stop: threading.Event, log: logging.Logger) -> None:
-        self._options, self._stop = options, stop
+        self._options, self._stop, self._log = options, stop, log
+        self._note: Registration | None = None
         self._warn = OncePerSecond(log)
         self._tally = FollowingTally()
         self._ended = self._page_told = False
@@ -89,6 +91,11 @@ class WorldRun:
             inbox = stack.enter_context(Inbox(session))
             self._subscribe(inbox)
             children = stack.enter_context(Children(o.out / "logs"))
+            parts: tuple[str, ...] = ("tracker", "follower", "drive", "simulator", "web")
+            parts += ("detector",) if o.perception == "pixels" else ()
+            self._note = stack.enter_context(
+                registered("demo", o.scenario, endpoint, parts, self._log)
+            )
             self._start(session, endpoint, children)
             self._look_on(session, inbox, children)
         figures = self._tally.figures
@@ -168,4 +175,6 @@ class WorldRun:
     def _tell_page(self, url: str | None) -> None:
         if url and not self._page_told:
             self._page_told = True
+            if self._note is not None:
+                self._note.page_is(url)
             self._options.on_page(url)

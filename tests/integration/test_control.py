@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from tests.support.network import wait_until
+from schemas import Health, encode, keys
+from services.runtime.registry import Run, runs
+from tests.support.network import client, wait_until
 
 HEEL = [sys.executable, "-m", "services"]
 
@@ -23,10 +29,10 @@ def heel(endpoint: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture(scope="module")
-def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A looped scene through all services, and the router's endpoint."""
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    """A looped scene through all services, as it is found on this machine."""
     out = tmp_path_factory.mktemp("control")
-    run = subprocess.Popen(
+    process = subprocess.Popen(
         [*HEEL, "run", "scene:demo?width=320&height=240", "--out", str(out), "--live", "--loop",
          "--target", "none"],
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
@@ -34,24 +40,99 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     try:
         tracks = out / "tracks.txt"
         wait_until(lambda: tracks.is_file() and tracks.stat().st_size > 0, "tracks", 60.0)
-        yield _endpoint_of_children(out)
+        [found] = runs()
+        yield found
     finally:
-        run.terminate()
-        run.wait(timeout=20)
+        process.terminate()
+        process.wait(timeout=20)
+    assert runs() == [], "a run that has ended is found no more"
 
 
-def _endpoint_of_children(out: Path) -> str:
-    for entry in Path("/proc").iterdir():
-        if not entry.name.isdigit() or int(entry.name) == os.getpid():
-            continue
-        try:
-            words = (entry / "cmdline").read_bytes().decode().split("\0")
-            files = {os.readlink(link) for link in (entry / "fd").iterdir()}
-        except OSError:
-            continue
-        if str(out / "logs" / "tracker.log") in files and "--connect" in words:
-            return words[words.index("--connect") + 1]
-    raise AssertionError("no tracker of this run")
+@pytest.fixture(scope="module")
+def endpoint(run: Run) -> str:
+    return run.endpoint
+
+
+@contextmanager
+def hung(run: Run, service: str) -> Iterator[None]:
+    """One of the run's services, stopped from outside."""
+    [pid] = [
+        int(entry.name)
+        for entry in Path("/proc").iterdir()
+        if entry.name.isdigit() and _is_child(entry, run.pid, f"services.{service}")
+    ]
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.kill(pid, signal.SIGCONT)
+
+
+def _is_child(entry: Path, parent: int, module: str) -> bool:
+    try:
+        words = (entry / "cmdline").read_bytes().decode().split("\0")
+        ppid = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+    except OSError:
+        return False
+    return ppid == parent and module in words
+
+
+def test_a_run_is_reached_without_its_address(run: Run) -> None:
+    done = subprocess.run(
+        [*HEEL, "status", "--run", str(run.pid)], capture_output=True, text=True, timeout=30,
+        check=False, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert run.endpoint in done.stdout
+    assert f"heel run, process {run.pid}" in done.stdout
+
+
+def test_status_tells_who_is_in_sight_also_as_json(endpoint: str) -> None:
+    assert "in sight: " in heel(endpoint, "status").stdout
+    told = json.loads(heel(endpoint, "status", "--json").stdout)
+    assert told["router"] == endpoint
+    assert told["run"]["kind"] == "run"
+    assert told["problems"] == []
+    assert {one["service"] for one in told["services"]} == {
+        "capture", "detector", "tracker", "follower",
+    }  # fmt: skip
+    assert told["follower"]["target"]["mode"] == "none"
+    assert all(person["id"] > 0 for person in told["people"])
+
+
+def test_a_hung_service_is_named_and_the_command_fails_until_it_is_back(
+    run: Run, endpoint: str
+) -> None:
+    with hung(run, "tracker"):
+        done = heel(endpoint, "status")
+        assert done.returncode == 1
+        assert "tracker: silent for 1 s or more" in done.stdout
+        assert "no tracks for" in done.stdout, "the follower misses its input"
+    wait_until(lambda: heel(endpoint, "status").returncode == 0, "all well again", 20.0)
+
+
+def test_what_services_say_of_themselves_is_text_and_nothing_else(endpoint: str) -> None:
+    health = Health(
+        service="liar", instance="main", producer="liar/main@0123abcd", state="degraded",
+        reason="[/foo] [bold red]x\x1b[2J\nfollower: following (all well)", uptime_s=1.0,
+        loop_age_s=0.0, software_version="1", period_s=30.0,
+    )  # fmt: skip
+    with client(endpoint) as session:
+        publisher = session.declare_publisher(keys.health("liar", "main"))
+        process = subprocess.Popen(
+            [*HEEL, "status", "--connect", endpoint], stdin=subprocess.DEVNULL, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+        while process.poll() is None:
+            publisher.put(encode(health), encoding=Health.encoding())
+            session.put("svc/a\x1b[31m\nheel: on fire/y/health", b"junk", encoding="x")
+            time.sleep(0.1)
+        out, err = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert r"liar/main: [/foo] [bold red]x\x1b[2J\nfollower: following (all well)" in out
+    assert "\x1b" not in out + err
+    assert not any(line.startswith(("follower: following", "heel: on fire"))
+                   for line in (out + err).splitlines())  # fmt: skip
 
 
 def test_status_names_every_service_and_the_follower(endpoint: str) -> None:

@@ -1,0 +1,138 @@
+"""Which runs of this user are going on at this machine, so that commands find them.
+
+`heel demo` and `heel run` take a router port of their own; each leaves a note in the private run
+folder for as long as it lives.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from schemas.errors import HeelError
+from services.runtime.places import run_folder
+
+_FOLDER = "runs"
+_MAX_RUNS = 64
+_MAX_BYTES = 8192
+
+
+class Run(BaseModel):
+    """One run that is going on."""
+
+    model_config = ConfigDict(frozen=True)
+
+    pid: Annotated[int, Field(gt=0)]
+    started: str = Field(description="when the process began, as the kernel tells it")
+    kind: str = Field(description="the command: demo, run")
+    what: str = Field("", description="what it plays, for people")
+    endpoint: str = Field(description="of its router")
+    namespace: str = ""
+    parts: tuple[str, ...] = Field((), description="services that it has started")
+    page: str | None = Field(None, description="address of its live page")
+
+    def shown(self) -> str:
+        """One line for whoever has to choose."""
+        page = f", page {self.page}" if self.page else ""
+        return f"--run {self.pid} (heel {self.kind} {self.what}".rstrip() + f"{page})"
+
+
+class Registration:
+    """The note of one run; changed as the run learns more."""
+
+    def __init__(self, run: Run, file: Path | None) -> None:
+        self._run, self._file = run, file
+
+    def page_is(self, url: str) -> None:
+        """The live page is served now."""
+        self._run = self._run.model_copy(update={"page": url})
+        with suppress(OSError):
+            self._write()
+
+    def _write(self) -> None:
+        if self._file is None:
+            return
+        # Renamed into place, so that nobody reads half a note.
+        whole = self._file.with_suffix(".new")
+        whole.write_text(self._run.model_dump_json(), encoding="utf-8")
+        whole.replace(self._file)
+
+
+@contextmanager
+def registered(
+    kind: str, what: str, endpoint: str, parts: tuple[str, ...], log: logging.Logger
+) -> Iterator[Registration]:
+    """Be found by `heel status`, `follow`, `stop` and `resume` while the block runs.
+
+    A run folder that cannot be used is a warning: the run itself does not need it.
+    """
+    pid = os.getpid()
+    run = Run(pid=pid, started=_started(pid) or "", kind=kind, what=what, endpoint=endpoint,
+              parts=parts)  # fmt: skip
+    file: Path | None = None
+    registration = Registration(run, None)
+    try:
+        folder = run_folder() / _FOLDER
+        folder.mkdir(mode=0o700, exist_ok=True)
+        file = folder / f"{pid}.json"
+        registration = Registration(run, file)
+        registration._write()
+    except (HeelError, OSError) as error:
+        log.warning("`heel status` and `heel stop` need --connect %s: %s", endpoint, error)
+    try:
+        yield registration
+    finally:
+        if file is not None:
+            with suppress(OSError):
+                file.unlink(missing_ok=True)
+
+
+def runs() -> list[Run]:
+    """Every run that goes on, the oldest note first; notes of others are removed.
+
+    Raises:
+        SettingsError: the run folder cannot be used.
+    """
+    notes = sorted((run_folder() / _FOLDER).glob("*.json"), key=_modified_s)
+    found: list[Run] = []
+    for note in notes:
+        run = _read(note)
+        if run is None or _started(run.pid) != run.started:
+            with suppress(OSError):
+                note.unlink(missing_ok=True)
+        elif len(found) < _MAX_RUNS:
+            found.append(run)
+    return found
+
+
+def _read(note: Path) -> Run | None:
+    try:
+        with note.open("rb") as stream:
+            return Run.model_validate(json.loads(stream.read(_MAX_BYTES)))
+    except (OSError, ValueError, ValidationError, RecursionError):
+        return None
+
+
+def _modified_s(note: Path) -> float:
+    try:
+        return note.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+def _started(pid: int) -> str | None:
+    """What tells a process from a later one of the same number; None if it does not live."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+        words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return None
+    state, ticks = words[0], words[19]
+    return None if state in "ZX" else f"{boot} {ticks}"
