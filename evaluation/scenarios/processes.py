@@ -105,7 +105,7 @@ class ProcessEpisode:
         heard_s = time.monotonic()
         while not self._over and not self._stop.is_set():
             if (failure := children.failure()) is not None:
-                raise HeelError(failure)
+                raise failure
             arrival = inbox.get(_POLL_S)
             if arrival is not None:
                 heard_s = arrival.arrived_s

@@ -6,16 +6,20 @@ import logging
 import sys
 import tempfile
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from schemas.errors import SettingsError
-from services.commands.drawn_demo import play_scene
+from services.commands.drawn_demo import play_scene, results_in
 from services.commands.run import PARENT_EXIT_S
+from services.run.folder import DEMO_PREFIX, ScratchFolder, sweep
 from services.run.guard import guarded
 from services.run.options import RunOptions
 
@@ -31,7 +35,7 @@ def demo(
     port: Annotated[int, typer.Option(help="port of the live page, 0 for any free one")] = 8470,
     out: Annotated[
         Path | None,
-        typer.Option(help="folder for the results [default: a temporary one]", metavar="DIR"),
+        typer.Option(help="folder for the results [default: none are kept]", metavar="DIR"),
     ] = None,
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
     scenario: Annotated[str, typer.Option(help="kind of episode")] = SCENARIO,
@@ -51,44 +55,63 @@ def demo(
     ] = False,
 ) -> None:  # fmt: skip
     """Follow a person through a simulated world; needs no camera, no data, nothing else."""
-    folder = out if out is not None else Path(tempfile.mkdtemp(prefix="heel-demo-"))
     on_terminal = sys.stdout.isatty()
     loop = seconds is not None or on_terminal
     on_page = partial(_show_page, browser and on_terminal, loop and seconds is None)
-    if scene:
-        options = RunOptions(
-            source="scene:demo", out=folder, delivery="live", loop=loop, seconds=seconds,
-            web_port=port, on_page=on_page, detector=detector, model=model,
-        )  # fmt: skip
-        raise typer.Exit(guarded(lambda: play_scene(options)))
-
     if perception == "simulated-boxes" and (detector is not None or model is not None):
         raise SettingsError(
             "--detector and --model look at pixels, and the people here are the simulator's own "
             "boxes: leave out --perception, or use --scene"
         )
-    looking = RunOptions(source="", out=folder, detector=detector, model=model).detector_flags()
+    with _folder(out) as folder:
+        options = RunOptions(
+            source="scene:demo" if scene else "", out=folder, delivery="live", loop=loop,
+            seconds=seconds, web_port=port, on_page=on_page, detector=detector, model=model,
+            target="nearest" if scene else "none",
+        )  # fmt: skip
+        if scene:
+            code = guarded(lambda: play_scene(options, kept=out is not None))
+        else:
+            code = guarded(
+                lambda: _play_world(options, scenario, seed, perception, kept=out is not None)
+            )
+    raise typer.Exit(code)
 
-    def work() -> None:
-        _play_world(folder, scenario, seed, perception, loop, seconds, port, on_page, looking)
 
-    raise typer.Exit(guarded(work))
+@contextmanager
+def _folder(out: Path | None) -> Iterator[Path]:
+    """Where the results go; without --out into a temporary folder that does not stay."""
+    if out is not None:
+        yield out
+        return
+    parent = Path(tempfile.gettempdir())
+    sweep(parent, DEMO_PREFIX)
+    scratch = ScratchFolder(parent, DEMO_PREFIX)
+    try:
+        yield scratch.path
+    finally:
+        scratch.remove()
 
 
 def _play_world(
-    out: Path, scenario: str, seed: int, perception: Literal["simulated-boxes", "pixels"],
-    loop: bool, seconds: float | None, port: int, on_page: Callable[[str], None],
-    detector_flags: list[str],
+    options: RunOptions, scenario: str, seed: int,
+    perception: Literal["simulated-boxes", "pixels"], kept: bool,
 ) -> None:  # fmt: skip
     # Imported here, in the guarded process: see `guarded`.
+    from services.run.checks import check_settings
     from services.run.world import WorldOptions, WorldRun
     from services.runtime.service import stop_signals
 
     logging.basicConfig(format="heel: %(message)s", level=logging.WARNING)
-    options = WorldOptions(out, scenario, seed, perception, loop, seconds, port, on_page,
-                           tuple(detector_flags))  # fmt: skip
+    duration_s = _check_world(scenario, seed)
+    check_settings(options)
+    world = WorldOptions(
+        options.out, scenario, seed, perception, options.seconds, options.web_port or 0,
+        options.on_page, episode_s=None if options.loop else duration_s, keep_truth=kept,
+        detector_flags=tuple(options.detector_flags()),
+    )  # fmt: skip
     with stop_signals(PARENT_EXIT_S) as stopping:
-        figures = WorldRun(options, stopping, logging.getLogger("heel.demo")).run()
+        figures = WorldRun(world, stopping, logging.getLogger("heel.demo")).run()
     gap = "-" if figures.least_gap_m is None else f"{figures.least_gap_m:.2f} m"
     share = figures.followed_s / figures.time_s if figures.time_s else 0.0
     typer.echo(
@@ -102,7 +125,25 @@ def _play_world(
         typer.echo("people are the simulator's own boxes, not seen in pixels")
     else:
         typer.echo("people were seen in the rendered pictures")
-    typer.echo(f"results in {out}")
+    typer.echo(results_in(options.out, kept))
+
+
+def _check_world(scenario: str, seed: int) -> float:
+    """The length of the first episode, seconds.
+
+    Raises:
+        SettingsError: there is no such scenario.
+        HeelError: what draws the pictures is not installed.
+    """
+    from services.simulator import scenarios
+
+    if scenario not in scenarios.SCENARIOS:
+        known = ", ".join(scenarios.SCENARIOS)
+        raise SettingsError(f"no scenario {scenario!r}: choose one of {known}")
+    if find_spec("panda3d") is None:
+        # Says so, in the words of the simulator.
+        import_module("services.simulator.render.panda")
+    return scenarios.scenario(scenario, seed).scenario.duration_s
 
 
 def _show_page(browser: bool, endless: bool, url: str) -> None:

@@ -12,17 +12,24 @@ from services.commands.run import PARENT_EXIT_S
 from services.run.options import RunOptions
 
 
-def play_scene(options: RunOptions) -> None:
-    """Run the scene and score its first pass."""
+def results_in(folder: Path, kept: bool) -> str:
+    """The line that ends a demo."""
+    return f"results in {folder}" if kept else "nothing is kept: --out DIR keeps results and logs"
+
+
+def play_scene(options: RunOptions, kept: bool) -> None:
+    """Run the scene and score its first pass; `kept` is whether the folder stays."""
     # Imported here, in the guarded process: see `guarded`.
+    from services.run.checks import check_options
     from services.run.distributed import DistributedRun
     from services.run.report import print_summary
     from services.runtime.service import stop_signals
 
     logging.basicConfig(format="heel: %(message)s", level=logging.WARNING)
+    check_options(options)
     with stop_signals(PARENT_EXIT_S) as stopping:
         summary = DistributedRun(options, stopping, logging.getLogger("heel.demo")).run()
-    print_summary(summary, options.out)
+    print_summary(summary, results_in(options.out, kept))
     _print_scores(options.source, options.out)
 
 
@@ -34,6 +41,8 @@ def _print_scores(scene: str, folder: Path) -> None:
     from evaluation.report import evaluate, scores_table
     from services.pipeline import scene_truth
 
+    if not (folder / "tracks.txt").is_file():
+        return
     truth = scene_truth(scene)
     (folder / "gt.txt").write_text("".join(truth.rows), encoding="ascii")
     tracks = folder / "tracks.txt"

@@ -9,8 +9,10 @@ from typing import Annotated, Literal
 import typer
 
 from schemas.errors import SettingsError
+from services.run.folder import STAGING_PREFIX, sweep
 from services.run.guard import guarded
 from services.run.options import RunOptions
+from services.runtime.passwords import without_passwords
 
 PARENT_EXIT_S = 12.0
 """Longest orderly end of a run: children get 2.5 s to end and 2 s to be killed."""
@@ -64,14 +66,18 @@ def run(
     if lossless is None:
         lossless = not live_source
     if lossless and live_source:
-        raise SettingsError(f"{source}: a camera does not wait: leave out --lossless")
+        raise SettingsError(
+            f"{without_passwords(source)}: a camera does not wait: leave out --lossless"
+        )
     options = RunOptions(
         source=source, out=out, delivery="lossless" if lossless else "live", preset=preset,
         detector=detector, model=model,
         annotate=annotate, target=target, scale=scale, fps=fps, loop=loop, frames=frames,
         seconds=seconds, web_port=web, config=config, on_page=_print_page,
     )  # fmt: skip
-    raise typer.Exit(guarded(lambda: _work(options, in_process)))
+    code = guarded(lambda: _work(options, in_process))
+    sweep(out, STAGING_PREFIX)
+    raise typer.Exit(code)
 
 
 def _print_page(url: str) -> None:
@@ -80,6 +86,7 @@ def _print_page(url: str) -> None:
 
 def _work(options: RunOptions, in_process: bool) -> None:
     # Imported here, in the guarded process: see `guarded`.
+    from services.run.checks import check_options
     from services.run.distributed import DistributedRun
     from services.run.in_process import run_in_process
     from services.run.report import print_summary
@@ -90,10 +97,12 @@ def _work(options: RunOptions, in_process: bool) -> None:
         if in_process:
             summary = run_in_process(options, stopping)
         else:
+            check_options(options)
             summary = DistributedRun(options, stopping, logging.getLogger("heel.run")).run()
-    print_summary(summary, options.out)
+    where = "results in" if summary.tracked else "no frame was tracked: nothing is written to"
+    print_summary(summary, f"{where} {options.out}")
 
 
 def is_camera(source: str) -> bool:
-    """Whether a source is live by its name: a device number or path, or a network stream."""
-    return source.isdigit() or source.startswith("/dev/video") or "://" in source
+    """Whether a source is live by its name: a device, a network stream, or a window that turns."""
+    return source.isdigit() or source.startswith(("/dev/video", "pan:")) or "://" in source

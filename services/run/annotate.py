@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas import HeelError, Track, Tracks
+from services.capture.quiet import silence_decoders
 
 _TRAIL_FRAMES = 40
 _MAX_TRAILS = 256
@@ -99,6 +100,7 @@ class AnnotatedVideo:
     """Writes annotated frames to an mp4 of the first frame's size."""
 
     def __init__(self, path: Path) -> None:
+        silence_decoders()
         self._path = path
         self._annotator = Annotator()
         self._writer: cv2.VideoWriter | None = None
@@ -108,8 +110,21 @@ class AnnotatedVideo:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._writer is not None:
-            self._writer.release()
+        self.close()
+
+    def close(self) -> bool:
+        """End the film; False if there is none to look at: no frame came, or the disk is full.
+
+        OpenCV does not tell: without its index, which is written last, the file is nothing.
+        """
+        if self._writer is None:
+            return False
+        self._writer.release()
+        self._writer = None
+        film = cv2.VideoCapture(str(self._path))
+        readable = film.isOpened() and film.get(cv2.CAP_PROP_FRAME_COUNT) > 0
+        film.release()
+        return readable
 
     def write(
         self,

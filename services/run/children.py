@@ -7,14 +7,18 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from schemas import HeelError, SettingsError
 from services.runtime.process import PARENT_VARIABLE
 
 _TERM_S = 2.5
 _KILL_S = 2.0
 _TAIL_BYTES = 65536
+_NO_REASON = (" ", "Traceback", "During handling of", "The above exception")
+"""How lines of a traceback begin that do not say what happened."""
 
 
 @dataclass(frozen=True)
@@ -23,14 +27,11 @@ class Child:
 
     name: str
     process: subprocess.Popen[bytes]
-    log: Path
 
-    def failure(self) -> str | None:
-        """Why it ended badly, in one line; None while it runs or if it ended well."""
-        code = self.process.poll()
-        if code in (None, 0):
-            return None
-        return f"{self.name} ended with code {code}: {last_complaint(self.log)}"
+    @property
+    def over(self) -> bool:
+        """Whether it has ended, well or badly."""
+        return self.process.poll() is not None
 
 
 class Children:
@@ -40,10 +41,16 @@ class Children:
     in order; the kernel ends them should the parent be killed.
     """
 
-    def __init__(self, log_folder: Path) -> None:
-        self._log_folder = log_folder
+    def __init__(self, log_folder: Path | Callable[[], Path]) -> None:
+        """None is started yet.
+
+        Args:
+            log_folder: where each logs into its own file; or tells where that folder is now, for
+                one that is moved.
+        """
+        self._log_folder = log_folder if callable(log_folder) else lambda: log_folder
         self._children: list[Child] = []
-        log_folder.mkdir(parents=True, exist_ok=True)
+        self._log_folder().mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> Children:
         return self
@@ -53,26 +60,54 @@ class Children:
 
     def start(self, service: str, *flags: str) -> Child:
         """Start `python -m services.SERVICE FLAGS`, logging into its own file."""
-        log = self._log_folder / f"{service}.log"
-        environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
-        with log.open("wb") as stream:
+        environment = {**os.environ, PARENT_VARIABLE: str(os.getpid()), "PYTHONPATH": _same_code()}
+        with self._log(service).open("wb") as stream:
+            # -P: a `services` in the folder that the user happens to be in is somebody else's.
             process = subprocess.Popen(
-                [sys.executable, "-m", f"services.{service}", "--log-format", "json", *flags],
+                [sys.executable, "-P", "-m", f"services.{service}", "--log-format", "json", *flags],
                 stdin=subprocess.DEVNULL, stdout=stream, stderr=stream, env=environment,
                 start_new_session=True,
             )  # fmt: skip
-        child = Child(service, process, log)
+        child = Child(service, process)
         self._children.append(child)
         return child
 
-    def failure(self) -> str | None:
-        """Why the first child that ended badly did so; None while all is well."""
-        return next(filter(None, (child.failure() for child in self._children)), None)
+    def failure(self) -> HeelError | None:
+        """Why the first child that ended badly did so; None while all is well.
 
-    def failure_of(self, name: str) -> str | None:
+        It is a `SettingsError` where the child ended over a setting.
+        """
+        return next(filter(None, map(self._failure, self._children)), None)
+
+    def ended(self, *but: str) -> str | None:
+        """The first child that has ended, well or badly, and is not among those named."""
+        return next((one.name for one in self._children if one.over and one.name not in but), None)
+
+    def over(self, name: str) -> bool:
+        """Whether the child of that name, if there is one, has ended."""
+        return any(child.over for child in self._children if child.name == name)
+
+    def failure_of(self, name: str) -> HeelError | None:
         """Why one child ended badly, None if it did not or was killed for not ending."""
         child = next(child for child in self._children if child.name == name)
-        return child.failure() if child.process.returncode == 1 else None
+        return self._failure(child) if child.process.returncode in (1, 2) else None
+
+    def last_words(self, name: str) -> str:
+        """The last complaint of a child as the end of a sentence; empty if it has none."""
+        complaint = last_complaint(self._log(name))
+        return f"; its last words: {complaint}" if complaint else ""
+
+    def _log(self, service: str) -> Path:
+        return self._log_folder() / f"{service}.log"
+
+    def _failure(self, child: Child) -> HeelError | None:
+        code = child.process.poll()
+        if code in (None, 0):
+            return None
+        kind = SettingsError if code == 2 else HeelError
+        log = self._log(child.name)
+        complaint = last_complaint(log) or f"it says nothing in {log}"
+        return kind(f"{child.name} ended with code {code}: {complaint}")
 
     def wait_all(self, timeout_s: float) -> bool:
         """Wait for every child to end by itself; False if some have not."""
@@ -96,8 +131,14 @@ class Children:
             self.wait_all(_KILL_S)
 
 
+def _same_code() -> str:
+    """A search path on which children find the package that this process runs."""
+    root = str(Path(__file__).resolve().parents[2])
+    return os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
+
+
 def last_complaint(log: Path) -> str:
-    """The last error line of a service's log, or its last line."""
+    """The last error line of a service's log, or of what is no log line; empty if there is none."""
     try:
         with log.open("rb") as stream:
             stream.seek(max(0, log.stat().st_size - _TAIL_BYTES))
@@ -109,8 +150,9 @@ def last_complaint(log: Path) -> str:
         try:
             entry = json.loads(line)
         except ValueError:
-            last = line.removeprefix("heel: ") or last
+            if not line.startswith(_NO_REASON):
+                last = line.removeprefix("heel: ") or last
             continue
-        if isinstance(entry, dict) and entry.get("level") == "error":
+        if isinstance(entry, dict) and entry.get("level") in ("error", "critical"):
             last = str(entry.get("message"))
-    return last or f"see {log}"
+    return last

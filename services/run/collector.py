@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from contextlib import ExitStack
 
 import numpy as np
 import zenoh
@@ -24,10 +23,10 @@ from schemas import (
     keys,
 )
 from schemas.image import decode_image
-from services.run.annotate import AnnotatedVideo
 from services.run.join import FrameJoin
 from services.run.options import RunOptions
 from services.run.outputs import RunOutputs
+from services.run.silence import HUNG_S, Silences
 from services.run.summary import RunSummary
 from services.runtime import qos
 from services.runtime.counters import ServiceStatistics
@@ -52,23 +51,17 @@ class Collector:
         outputs: RunOutputs,
         summary: RunSummary,
         warn: OncePerSecond,
-        resources: ExitStack,
         note: Registration,
     ) -> None:
         self._options, self._outputs, self._summary = options, outputs, summary
         self._note = note
         self._lossless = options.delivery == "lossless"
-        self._video = (
-            resources.enter_context(AnnotatedVideo(outputs.folder / "annotated.mp4"))
-            if options.annotate
-            else None
-        )
         self._statistics = ServiceStatistics()
         topics = {
             "blobs": (keys.blobs(CAMERA), qos.BLOBS), "tracks": (keys.tracks(CAMERA), qos.TRACKS),
             "command": (keys.FOLLOW_COMMAND, qos.COMMAND),
         }  # fmt: skip
-        if self._video is not None:
+        if outputs.film is not None:
             topics["image"] = (keys.image(CAMERA), qos.IMAGE)
         self._judges: dict[str, StreamJudge] = {}
         for topic, (key, quality) in topics.items():
@@ -89,6 +82,7 @@ class Collector:
         self._command_frames: set[tuple[int, int]] = set()
         self._target_id: int | None = None
         self._ended: set[str] = set()
+        self.silences = Silences(HUNG_S, "capture", "detector", "tracker", "follower")
         self.info: CameraInfo | None = None
         self._page_told = False
         self.first_frame_s: float | None = None
@@ -119,6 +113,7 @@ class Collector:
     def _side(self, arrival: Arrival) -> None:
         if arrival.topic == "health":
             health = decode(Health, arrival.payload, arrival.encoding)
+            self.silences.heard(health.service, arrival.arrived_s)
             self._summary.missing[health.service] = health.dropped
             self._summary.malformed[health.service] = health.malformed
             self._summary.cpu_s[health.service] = health.cpu_s
@@ -171,7 +166,7 @@ class Collector:
         self.last_frame_s = received.arrived_s
         self._outputs.tracks(tracks)
         self._age("tracks", received, tracks.t_capture_ns)
-        if self._video is not None:
+        if self._outputs.film is not None:
             self._waiting[tracks.epoch, tracks.seq] = tracks
             self._draw((tracks.epoch, tracks.seq))
             while len(self._waiting) > _KEPT_IMAGES:
@@ -195,12 +190,12 @@ class Collector:
 
     def _draw(self, frame: tuple[int, int]) -> None:
         """Draw a frame as soon as both its picture and its tracks are here."""
-        if self._video is None or frame not in self._images or frame not in self._waiting:
+        if self._outputs.film is None or frame not in self._images or frame not in self._waiting:
             return
         tracks = self._waiting.pop(frame)
         fps = self.info.fps if self.info else 25.0
         caption = f"frame {tracks.index + 1}"
-        self._video.write(self._images.pop(frame), tracks, self._target_id, caption, fps)
+        self._outputs.film.write(self._images.pop(frame), tracks, self._target_id, caption, fps)
 
     def _command(self, received: Received[MotionCommand]) -> None:
         command = received.message

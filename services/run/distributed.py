@@ -12,12 +12,13 @@ import zenoh
 
 from schemas import HeelError, keys
 from services.pipeline import REPEATABLE_EPOCH
-from services.run.children import Children
+from services.run.children import Child, Children
 from services.run.collector import CONSUMER, Collector
 from services.run.options import RunOptions
 from services.run.outputs import RunOutputs
 from services.run.presence import await_present
 from services.run.progress import RunProgress
+from services.run.silence import HUNG_S, Silences
 from services.run.summary import RunSummary
 from services.runtime import process
 from services.runtime.inbox import Inbox
@@ -28,6 +29,8 @@ from services.runtime.router import open_private_router
 _STALL_TIMEOUT_S = 60.0
 _DRAIN_S = 8.0
 _LAST_WORDS_S = 1.0
+_EARLY_S = 3.0
+"""Capture tells of the end of the stream and ends itself within so long."""
 _POLL_S = 0.1
 
 
@@ -38,7 +41,8 @@ class DistributedRun:
         self._options = options
         self._stop = stop
         self._log = log
-        self._failure: str | None = None
+        self._failure: HeelError | None = None
+        self._capture: Child | None = None
         self.summary = RunSummary(mode=options.delivery)
 
     def run(self) -> RunSummary:
@@ -49,18 +53,17 @@ class DistributedRun:
         """
         process.keep_freed_memory()
         with ExitStack() as stack:
-            outputs = stack.enter_context(RunOutputs(self._options.out))
-            stack.callback(self.summary.write, self._options.out)
+            outputs = stack.enter_context(
+                RunOutputs(self._options.out, self.summary, self._options.annotate)
+            )
             session, endpoint = stack.enter_context(open_private_router())
             inbox = stack.enter_context(Inbox(session))
             warn = OncePerSecond(self._log)
             note = stack.enter_context(
                 registered("run", self._played(), endpoint, self._parts(), self._log)
             )
-            collector = Collector(
-                session, inbox, self._options, outputs, self.summary, warn, stack, note
-            )
-            children = stack.enter_context(Children(self._options.out / "logs"))
+            collector = Collector(session, inbox, self._options, outputs, self.summary, warn, note)
+            children = stack.enter_context(Children(lambda: outputs.log_folder))
             self._start(session, endpoint, children)
             progress = stack.enter_context(RunProgress(self._options.progress))
             process.spare_from_collection()
@@ -90,40 +93,58 @@ class DistributedRun:
         await_present(session, children, wanted, self._stop)
         self.summary.settings = _settings_in_force(session)
         credit = ["--await-consumers", CONSUMER, "--epoch", str(REPEATABLE_EPOCH)]
-        children.start(
+        self._capture = children.start(
             "capture", *o.capture_flags(), *common, *(credit if o.delivery == "lossless" else [])
         )
 
     def _collect(
         self, inbox: Inbox, collector: Collector, children: Children, progress: RunProgress
     ) -> None:
-        newest_s = time.monotonic()
         tracked = 0
-        until_s = newest_s + (self._options.seconds or float("inf"))
-        while not collector.ended and not self._stop.is_set() and time.monotonic() < until_s:
+        until_s = time.monotonic() + (self._options.seconds or float("inf"))
+        stall = Silences(_STALL_TIMEOUT_S, "stream")
+        stall.heard("stream", time.monotonic())
+        while not self._over(collector) and not self._stop.is_set() and time.monotonic() < until_s:
             arrival = inbox.get(_POLL_S)
             if arrival is not None:
                 collector.take(arrival)
             now_s = time.monotonic()
             if self.summary.tracked != tracked:
-                tracked, newest_s = self.summary.tracked, now_s
+                tracked = self.summary.tracked
+                stall.heard("stream", now_s)
                 progress.update(tracked, collector.info.frame_count if collector.info else None)
-            elif now_s - newest_s > _STALL_TIMEOUT_S:
+            if stall.look(now_s) is not None:
                 raise HeelError(
-                    f"nothing tracked for {_STALL_TIMEOUT_S:g} s: see {self._options.out}/logs"
+                    f"nothing tracked for {_STALL_TIMEOUT_S:g} s by the detector and the tracker"
+                    f"{children.last_words('detector') or children.last_words('tracker')}"
                 )
+            if (hung := collector.silences.look(now_s)) is not None and not children.over(hung):
+                raise HeelError(f"{hung} is silent for {HUNG_S:g} s: it hangs or was stopped")
             if children.failure() is not None:
                 # What it had sent may still be on its way through the others.
                 until_s = min(until_s, now_s + _LAST_WORDS_S)
+            self._check_order(children, now_s)
         if collector.first_frame_s is not None:
             self.summary.wall_s = collector.last_frame_s - collector.first_frame_s
         if not collector.ended:
             self.summary.ended = self.summary.ended or "stopped before the end of the stream"
         self._drain(inbox, collector, children)
         if self._failure is not None and not self._stop.is_set():
-            raise HeelError(self._failure)
+            raise self._failure
         if collector.ended:
             self._check_nothing_lost()
+
+    def _over(self, collector: Collector) -> bool:
+        """Whether the stream has ended: everybody says so, and capture, which is ours, is gone."""
+        return collector.ended and self._capture is not None and self._capture.over
+
+    def _check_order(self, children: Children, now_s: float) -> None:
+        """A service that ends while capture goes on was told to by somebody else."""
+        early = None if self._capture is None or self._capture.over else children.ended()
+        if early is None:
+            self._early_s = now_s
+        elif now_s - self._early_s > _EARLY_S:
+            raise HeelError(f"{early} ended before the stream did{children.last_words(early)}")
 
     def _check_nothing_lost(self) -> None:
         """A lossless run that lost something says so instead of looking whole."""

@@ -11,7 +11,6 @@ import cv2
 
 from schemas import HeelError
 from services.pipeline import RecordedFrames, load_pipeline
-from services.run.annotate import AnnotatedVideo
 from services.run.options import RunOptions
 from services.run.outputs import RunOutputs
 from services.run.progress import RunProgress
@@ -32,15 +31,9 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
         frames = stack.enter_context(RecordedFrames(options.source, options.scale, options.fps))
         if frames.source.is_live:
             raise HeelError(f"{frames.source.name}: --in-process takes recordings, not cameras")
-        outputs = stack.enter_context(RunOutputs(options.out))
-        stack.callback(summary.write, options.out)
+        outputs = stack.enter_context(RunOutputs(options.out, summary, options.annotate))
         pipeline, summary.settings = load_pipeline(
             options.preset, options.target, options.config, options.detector, options.model
-        )
-        video = (
-            stack.enter_context(AnnotatedVideo(options.out / "annotated.mp4"))
-            if options.annotate
-            else None
         )
         progress = stack.enter_context(RunProgress(options.progress))
         process.spare_from_collection()
@@ -53,9 +46,9 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
             summary.commands += 1
             outputs.tracks(result.tracks)
             outputs.command(result.command)
-            if video is not None:
-                video.write(image, result.tracks, result.target_id, f"frame {frame.index + 1}",
-                            frames.source.fps)  # fmt: skip
+            if outputs.film is not None:
+                outputs.film.write(image, result.tracks, result.target_id,
+                                   f"frame {frame.index + 1}", frames.source.fps)  # fmt: skip
             progress.update(summary.tracked, frames.source.frame_count)
         summary.wall_s = time.monotonic() - started_s
         summary.ended = frames.source.end_reason or "stopped before the end of the stream"

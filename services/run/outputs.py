@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 
 from schemas import HeelError, MotionCommand, Tracks
+from services.run.annotate import AnnotatedVideo
+from services.run.folder import ResultFolder
+from services.run.summary import RunSummary
+from services.runtime.row_file import RowFile
 
 _COMMAND_COLUMNS = ("seq", "frame", "linear_mps", "angular_radps", "state", "reason")
+_TRACKS, _COMMANDS, _SUMMARY, _FILM = "tracks.txt", "commands.csv", "summary.json", "annotated.mp4"
+_SUMMARY_BYTES = 64 * 1024
+"""Kept free for the summary from the start: on a full disk it says why the run ended. It has 5 to
+20 kB."""
 
 
 def track_rows(tracks: Tracks) -> list[str]:
@@ -31,43 +40,91 @@ def track_rows(tracks: Tracks) -> list[str]:
 
 
 class RunOutputs:
-    """`tracks.txt` and `commands.csv` in one folder.
+    """`tracks.txt`, `commands.csv`, `summary.json`, the logs and, if wanted, `annotated.mp4`.
+
+    They are in the folder from the first tracked frame on (the summary and the film when they are
+    finished); a run that comes to none leaves the folder as it was.
+
+    Usage:
+        with RunOutputs(folder, summary, annotate=False) as outputs:
+            outputs.tracks(tracks)
 
     Raises:
-        HeelError: the folder cannot be made or written to.
+        HeelError: the folder or a file cannot be written.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, summary: RunSummary, annotate: bool) -> None:
+        self._summary = summary
+        self._results = ResultFolder(folder, (_TRACKS, _COMMANDS, _SUMMARY, _FILM))
+        staging = self._results.staging
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            # Line buffering: what was produced before a crash is there.
-            self._tracks = (folder / "tracks.txt").open("w", buffering=1, encoding="ascii")
-            self._commands = (folder / "commands.csv").open(
-                "w", buffering=1, encoding="utf-8", newline=""
-            )
+            self._tracks = RowFile(staging / _TRACKS)
+            self._commands = RowFile(staging / _COMMANDS)
+            self._commands.append(_csv_row(_COMMAND_COLUMNS))
+            _reserve(staging / _SUMMARY, _SUMMARY_BYTES)
         except OSError as error:
-            raise HeelError(
-                f"--out {folder}: {error.strerror}: give a folder that can be written to"
-            ) from None
-        self._writer = csv.writer(self._commands, lineterminator="\n")
-        self._writer.writerow(_COMMAND_COLUMNS)
+            self._results.close()
+            raise self._results.cannot_write(error) from None
+        self.film = AnnotatedVideo(staging / _FILM) if annotate else None
 
     def __enter__(self) -> RunOutputs:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._tracks.close()
-        self._commands.close()
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        try:
+            self._tracks.close()
+            self._commands.close()
+            film_is_whole = self.film is not None and self.film.close()
+            if self._results.begun:
+                if film_is_whole:
+                    self._results.place(_FILM)
+                if isinstance(error, HeelError):
+                    self._summary.ended = str(error)
+                _fill(self._results.staging / _SUMMARY, self._summary.as_text().encode())
+                self._results.place(_SUMMARY)
+        except OSError as failure:
+            raise self._results.cannot_write(failure) from None
+        finally:
+            self._results.close()
+
+    @property
+    def log_folder(self) -> Path:
+        """Where the logs of the services are at this moment."""
+        return self._results.log_folder
 
     def tracks(self, tracks: Tracks) -> None:
         """Write the shown people of one frame."""
-        self._tracks.writelines(track_rows(tracks))
+        self._append(self._tracks, "".join(track_rows(tracks)))
+        if not self._results.begun:
+            self._results.begin(_TRACKS, _COMMANDS)
 
     def command(self, command: MotionCommand) -> None:
         """Write one motion command."""
         frame = "" if command.frame is None else command.frame.index + 1
-        self._writer.writerow(
-            (command.seq, frame, f"{command.linear_mps:.4f}", f"{command.angular_radps:.4f}",
-             command.state, command.reason)
-        )  # fmt: skip
+        row = (command.seq, frame, f"{command.linear_mps:.4f}", f"{command.angular_radps:.4f}",
+               command.state, command.reason)  # fmt: skip
+        self._append(self._commands, _csv_row(row))
+
+    def _append(self, file: RowFile, rows: str) -> None:
+        try:
+            file.append(rows)
+        except OSError as error:
+            raise self._results.cannot_write(error) from None
+
+
+def _csv_row(values: tuple[object, ...]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(values)
+    return text.getvalue()
+
+
+def _reserve(path: Path, size: int) -> None:
+    with path.open("xb") as file:
+        file.write(b" " * size)
+
+
+def _fill(path: Path, content: bytes) -> None:
+    """Overwrite a reserved file: as long as the content fits, no further room is needed."""
+    with path.open("r+b") as file:
+        file.write(content)
+        file.truncate(len(content))

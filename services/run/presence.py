@@ -35,8 +35,10 @@ def await_present(
         changed.wait(_POLL_S)
         changed.clear()
         if (failure := children.failure()) is not None:
-            raise HeelError(failure)
+            raise failure
         if time.monotonic() > deadline_s:
             missing = ", ".join(sorted(wanted - present))
-            raise HeelError(f"{missing} not up within {_START_TIMEOUT_S:g} s: see logs/")
+            raise HeelError(
+                f"{missing} not up within {_START_TIMEOUT_S:g} s: is the machine very busy?"
+            )
     watch.undeclare()  # type: ignore[no-untyped-call]

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from rich.console import Console
 
 from services.run.summary import RunSummary, percentiles
 
 
-def print_summary(summary: RunSummary, out: Path) -> None:
-    """Print frames, rate, drops, ages and where the files are."""
+def print_summary(summary: RunSummary, where: str) -> None:
+    """Print frames, rate, drops, ages and, in the words given, where the files are."""
     console = Console(highlight=False, soft_wrap=True)
     rate = summary.tracked / summary.wall_s if summary.wall_s > 0 else 0.0
     console.print(
@@ -23,4 +21,4 @@ def print_summary(summary: RunSummary, out: Path) -> None:
     for hop, ages in summary.ages_ms.items():
         p = percentiles(ages)
         console.print(f"age at {hop}: median {p['median']:.1f} ms, p99 {p['p99']:.1f} ms")
-    console.print(f"results in {out}")
+    console.print(where)

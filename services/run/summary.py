@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,10 +68,9 @@ class RunSummary:
             "settings": self.settings,
         }  # fmt: skip
 
-    def write(self, folder: Path) -> None:
-        """Write `summary.json` into the run's folder."""
-        text = json.dumps(self.as_json(), indent=2) + "\n"
-        (folder / "summary.json").write_text(text, encoding="utf-8")
+    def as_text(self) -> str:
+        """The content of `summary.json`."""
+        return json.dumps(self.as_json(), indent=2) + "\n"
 
 
 def percentiles(values: Iterable[float]) -> dict[str, float]:

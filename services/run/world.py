@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -30,6 +31,7 @@ from services.run.children import Children
 from services.run.following import FollowingFigures, FollowingTally
 from services.run.onlooker import Onlooker
 from services.run.presence import await_present
+from services.run.silence import HUNG_S, Silences
 from services.runtime import qos
 from services.runtime.inbox import Arrival, Inbox
 from services.runtime.logs import OncePerSecond
@@ -39,6 +41,8 @@ from services.runtime.router import open_private_router
 CAMERA = "front"
 _POLL_S = 0.1
 _SILENCE_S = 15.0
+_LAST_FRAMES_S = 1.0
+"""An episode is over with its last frame, which may be lost."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,7 @@ class WorldOptions:
     """What `heel demo` was asked to show.
 
     Attributes:
-        seconds: end after so long; None: when the episode is over, or never if `loop`.
+        seconds: end after so long; None: when the episode is over, or never.
         on_page: told the page's address once it is served.
     """
 
@@ -54,10 +58,13 @@ class WorldOptions:
     scenario: str
     seed: int
     perception: Literal["pixels", "simulated-boxes"]
-    loop: bool
     seconds: float | None
     web_port: int
-    on_page: Callable[[str], None]
+    on_page: Callable[[str], None] | None
+    episode_s: float | None = None
+    """Length of the one episode; None: there is always another one."""
+    keep_truth: bool = True
+    """Write the truth of every frame: 2 GB a day."""
     detector_flags: tuple[str, ...] = ()
     """Flags of the detector process, which runs for pixels only."""
 
@@ -70,7 +77,11 @@ class WorldRun:
         self._note: Registration | None = None
         self._warn = OncePerSecond(log)
         self._tally = FollowingTally()
-        self._ended = self._page_told = False
+        self._page_told = False
+        self._t_s = 0.0
+        self._silences = Silences(
+            HUNG_S, "simulator", "detector", "tracker", "follower", "drive", "web"
+        )
         self._onlooker = Onlooker()
 
     def run(self) -> FollowingFigures:
@@ -83,9 +94,7 @@ class WorldRun:
         try:
             o.out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise HeelError(
-                f"--out {o.out}: {error.strerror}: give a folder that can be written to"
-            ) from None
+            raise _cannot_write(o.out, error) from None
         with ExitStack() as stack:
             session, endpoint = stack.enter_context(open_private_router())
             inbox = stack.enter_context(Inbox(session))
@@ -99,9 +108,18 @@ class WorldRun:
             self._start(session, endpoint, children)
             self._look_on(session, inbox, children)
         figures = self._tally.figures
-        record = {"perception": o.perception, **asdict(figures)}
-        (o.out / "following.json").write_text(json.dumps(record, indent=2) + "\n")
+        self._write({"perception": o.perception, **asdict(figures)})
         return figures
+
+    def _write(self, record: dict[str, object]) -> None:
+        whole = self._options.out / f".following.json.{os.getpid()}"
+        try:
+            with whole.open("x", encoding="utf-8") as file:
+                file.write(json.dumps(record, indent=2) + "\n")
+            whole.replace(self._options.out / "following.json")
+        except OSError as error:
+            whole.unlink(missing_ok=True)
+            raise _cannot_write(self._options.out, error) from None
 
     def _subscribe(self, inbox: Inbox) -> None:
         # This end writes a record: it keeps more than the newest message.
@@ -116,7 +134,8 @@ class WorldRun:
 
     def _start(self, session: zenoh.Session, endpoint: str, children: Children) -> None:
         o = self._options
-        common = ["--connect", endpoint, "--exit-at-end"]
+        # None ends with the stream: anybody who reaches the router could end them with one message.
+        common = ["--connect", endpoint]
         wanted = {"tracker", "follower", "drive", "web"}
         children.start("tracker", *common)
         children.start("follower", *common)
@@ -128,34 +147,66 @@ class WorldRun:
         await_present(session, children, wanted, self._stop)
         children.start(
             "simulator", o.scenario, "--connect", endpoint, "--seed", str(o.seed),
-            "--perception", o.perception, "--truth", str(o.out / "truth.jsonl"),
-            *(["--loop"] if o.loop else []),
+            "--perception", o.perception, *(["--loop"] if o.episode_s is None else []),
+            *(["--truth", str(o.out / "truth.jsonl")] if o.keep_truth else []),
         )  # fmt: skip
 
     def _look_on(self, session: zenoh.Session, inbox: Inbox, children: Children) -> None:
-        heard_s = time.monotonic()
-        until_s = heard_s + (self._options.seconds or float("inf"))
-        while not (self._ended or self._stop.is_set()) and time.monotonic() < until_s:
-            if (failure := children.failure()) is not None:
-                raise HeelError(failure)
-            if time.monotonic() - heard_s > _SILENCE_S:
-                raise HeelError(
-                    f"the simulator is silent for {_SILENCE_S:g} s: see {self._options.out}/logs"
-                )
-            arrival = inbox.get(_POLL_S)
+        until_s = time.monotonic() + (self._options.seconds or float("inf"))
+        truth = Silences(_SILENCE_S, "truth")
+        truth.heard("truth", time.monotonic())
+        while not self._stop.is_set() and time.monotonic() < until_s:
+            over = children.over("simulator")
+            self._check(children, truth)
+            arrival = inbox.get(0.0 if over else _POLL_S)
+            if arrival is None and over:
+                return self._check_episode(children)
             if arrival is None:
                 continue
             if arrival.topic == "truth":
-                heard_s = arrival.arrived_s
+                truth.heard("truth", arrival.arrived_s)
             try:
                 self._take(session, arrival)
             except MessageError as error:
                 self._warn.warning(arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s)
 
+    def _check_episode(self, children: Children) -> None:
+        """The simulator ends with its episode, not before.
+
+        Raises:
+            HeelError: it did, or there is always another episode.
+        """
+        if self._options.episode_s is None or self._t_s < self._options.episode_s - _LAST_FRAMES_S:
+            raise HeelError(
+                f"the simulator ended before its episode did{children.last_words('simulator')}"
+            )
+
+    def _check(self, children: Children, truth: Silences) -> None:
+        """All are there and speak; only the simulator may end, when its episode does.
+
+        Raises:
+            HeelError: one ended or hangs.
+        """
+        if (failure := children.failure()) is not None:
+            raise failure
+        if (early := children.ended("simulator")) is not None:
+            raise HeelError(f"{early} ended, and the demo with it{children.last_words(early)}")
+        now_s = time.monotonic()
+        hung, silent = self._silences.look(now_s), truth.look(now_s)
+        if children.over("simulator"):
+            return
+        if hung is not None:
+            raise HeelError(f"{hung} is silent for {HUNG_S:g} s: it hangs or was stopped")
+        if silent is not None:
+            raise HeelError(
+                f"the simulator is silent for {_SILENCE_S:g} s{children.last_words('simulator')}"
+            )
+
     def _take(self, session: zenoh.Session, arrival: Arrival) -> None:
         payload, encoding = arrival.payload, arrival.encoding
         if arrival.topic == "truth":
             truth = decode(SimTruth, payload, encoding)
+            self._t_s = truth.t_s
             self._tally.truth(truth)
             self._onlooker.look(session, truth)
         elif arrival.topic == "world":
@@ -165,16 +216,22 @@ class WorldRun:
         elif arrival.topic == "state":
             self._tally.state(decode(FollowState, payload, encoding))
         elif arrival.topic == "health":
-            self._tell_page(decode(Health, payload, encoding).details.get("url"))
-        elif encoding == EndOfStream.encoding():
-            # Between episodes there is none: the simulator ends its stream once, at the end.
-            self._ended = True
-        else:
+            health = decode(Health, payload, encoding)
+            self._silences.heard(health.service, arrival.arrived_s)
+            self._tell_page(health.details.get("url"))
+        elif encoding != EndOfStream.encoding():
+            # The end is told by the simulator's process, which is ours, and by no message.
             self._tally.tracks(decode(Tracks, payload, encoding))
 
     def _tell_page(self, url: str | None) -> None:
-        if url and not self._page_told:
+        if url and not self._page_told and self._options.on_page is not None:
             self._page_told = True
             if self._note is not None:
                 self._note.page_is(url)
             self._options.on_page(url)
+
+
+def _cannot_write(out: Path, error: OSError) -> HeelError:
+    return HeelError(
+        f"--out {out}: {error.strerror}: give a folder that can be written to, on a disk with room"
+    )

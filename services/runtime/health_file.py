@@ -35,7 +35,10 @@ class HealthFile:
         whole = self._path.with_name(f"{self._path.name}.new")
         failure = None
         try:
-            whole.write_text(f"{state} {reason}\n", encoding="utf-8")
+            whole.unlink(missing_ok=True)
+            # Made anew: a link of that name would lead to somebody else's file.
+            with whole.open("x", encoding="utf-8") as file:
+                file.write(f"{state} {reason}\n")
             whole.replace(self._path)
         except OSError as error:
             failure = f"health file {self._path}: {error.strerror}: name another --health-file"

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from tests.support.network import wait_until
+from schemas import EndOfStream, encode
+from tests.support.network import client, wait_until
 from tests.support.processes import finished, running
 
 FLAGS = ("-m", "services", "demo", "--port", "0", "--scenario", "distractor-2")
@@ -53,10 +56,94 @@ def test_ctrl_c_ends_every_service(tmp_path: Path) -> None:
 
 
 def test_a_scenario_that_does_not_exist_is_named(tmp_path: Path) -> None:
-    code, _, err = finished(
+    code, out, err = finished(
         "-m", "services", "demo", "--port", "0", "--scenario", "moon", "--out", str(tmp_path),
         deadline_s=60.0,
     )  # fmt: skip
-    assert code == 1
+    assert code == 2
     assert "moon" in err
     assert "crowd" in err, "the known ones are named"
+    assert out == "", "nothing was started"
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_network_that_cannot_be_used_is_named_before_anything_starts(tmp_path: Path) -> None:
+    pytest.importorskip("panda3d", reason="the extra sim is not installed")
+    code, out, err = finished(
+        *FLAGS, "--model", str(tmp_path / "none.onnx"), "--out", str(tmp_path), deadline_s=60.0
+    )
+    assert (code, out) == (2, "")
+    assert "none.onnx" in err
+    assert not list(tmp_path.iterdir())
+
+
+BOXES = (*FLAGS, "--perception", "simulated-boxes", "--seconds", "60")
+
+
+def _log_says(out: Path, service: str, words: str) -> None:
+    log = out / "logs" / f"{service}.log"
+    wait_until(lambda: log.exists() and words in log.read_text(), f"{service}: {words}", 60.0)
+
+
+def _pid_of(out: Path, service: str) -> int:
+    """The process whose standard error is this log."""
+    log = str(out / "logs" / f"{service}.log")
+    for entry in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if os.readlink(entry / "fd" / "2") == log:
+                return int(entry.name)
+    raise AssertionError(f"no process writes {log}")
+
+
+def test_a_service_that_ends_in_order_ends_the_demo_with_its_name(tmp_path: Path) -> None:
+    pytest.importorskip("panda3d", reason="the extra sim is not installed")
+    with running(*BOXES, "--out", str(tmp_path)) as process:
+        _log_says(tmp_path, "simulator", "episode")
+        os.kill(_pid_of(tmp_path, "tracker"), signal.SIGTERM)
+        assert process.wait(15.0) == 1
+        lines = process.stderr().strip().splitlines()
+        assert len(lines) == 1
+        assert "tracker ended" in lines[0]
+
+
+@pytest.mark.slow
+def test_a_service_that_hangs_ends_the_demo_with_its_name(tmp_path: Path) -> None:
+    pytest.importorskip("panda3d", reason="the extra sim is not installed")
+    with running(*BOXES, "--out", str(tmp_path)) as process:
+        _log_says(tmp_path, "simulator", "episode")
+        wait_until(lambda: (tmp_path / "truth.jsonl").stat().st_size > 50_000, "two seconds", 30.0)
+        os.kill(_pid_of(tmp_path, "follower"), signal.SIGSTOP)
+        assert process.wait(40.0) == 1
+        assert "follower is silent for 10 s" in process.stderr()
+
+
+def test_an_end_of_stream_from_a_stranger_ends_neither_the_demo_nor_a_service(
+    tmp_path: Path,
+) -> None:
+    pytest.importorskip("panda3d", reason="the extra sim is not installed")
+    truth = tmp_path / "truth.jsonl"
+    with running(*BOXES, "--out", str(tmp_path)) as process:
+        _log_says(tmp_path, "simulator", "episode")
+        flags = Path(f"/proc/{_pid_of(tmp_path, 'drive')}/cmdline").read_bytes().split(b"\0")
+        endpoint = flags[flags.index(b"--connect") + 1].decode()
+        end = EndOfStream(stream="front", epoch=1, frames=1, reason="a stranger says so")
+        with client(endpoint) as stranger:
+            for key in ("follow/command", "cam/front/tracks"):
+                stranger.put(key, encode(end), encoding=end.encoding())
+            size = truth.stat().st_size
+            wait_until(lambda: truth.stat().st_size > size + 50_000, "two more seconds", 30.0)
+        assert process.alive, process.stderr()
+        code, _ = process.stop(signal.SIGINT, 15.0)
+        assert code == 0, process.stderr()
+
+
+def test_without_a_folder_nothing_stays(tmp_path: Path) -> None:
+    pytest.importorskip("panda3d", reason="the extra sim is not installed")
+    (tmp_path / "heel-demo-left-by-a-killed-one").mkdir()
+    code, out, err = finished(
+        *FLAGS, "--perception", "simulated-boxes", "--seconds", "2", deadline_s=60.0,
+        TMPDIR=str(tmp_path),
+    )  # fmt: skip
+    assert code == 0, err
+    assert "nothing is kept" in out
+    assert not list(tmp_path.glob("heel-demo-*"))

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from tests.support.network import wait_until
+from tests.support.processes import REPOSITORY
 
 SCENE = "scene:crossing?frames=120&width=320&height=240"
 HEEL = [sys.executable, "-m", "services"]
@@ -157,6 +158,46 @@ def test_bad_source_gets_one_line_and_exit_code_1(
     assert len(lines) == 1, done.stderr
     assert complaint in lines[0]
     assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "complaint"),
+    [
+        pytest.param(["nowhere.mp4"], 1, "nowhere.mp4", id="source"),
+        pytest.param([SCENE, "--detector", "nosuch"], 2, "nosuch", id="detector"),
+        pytest.param([SCENE, "--model", "nosuch.onnx"], 2, "nosuch.onnx", id="model"),
+        pytest.param([f"pan:{SCENE}", "--lossless"], 2, "--lossless", id="window"),
+    ],
+)
+def test_a_run_that_cannot_start_touches_nothing_of_an_earlier_one(
+    tmp_path: Path, arguments: list[str], code: int, complaint: str
+) -> None:
+    old = {"tracks.txt": "1,1,1,1,1,1,1,-1,-1,-1\n", "summary.json": "{}", "logs/web.log": "old\n"}
+    (tmp_path / "logs").mkdir()
+    for name, text in old.items():
+        (tmp_path / name).write_text(text)
+    done = heel("run", *arguments, "--out", tmp_path)
+    assert done.returncode == code
+    assert complaint in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    found = {
+        str(p.relative_to(tmp_path)): p.read_text() for p in tmp_path.rglob("*") if p.is_file()
+    }
+    assert found == old
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_a_service_of_the_same_name_in_the_working_directory_is_not_run(tmp_path: Path) -> None:
+    (tmp_path / "services").mkdir()
+    (tmp_path / "services" / "__init__.py").write_text("raise SystemExit('a stranger ran')\n")
+    script = "import sys; from services.cli import main; sys.argv = ['heel', *sys.argv[1:]]; main()"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", script, "run", SCENE, "--frames", "5", "--out", "out"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=DEADLINE_S, check=False,
+        stdin=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
 
 
 def _file(path: Path, content: bytes) -> Path:

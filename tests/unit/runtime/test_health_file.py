@@ -31,3 +31,12 @@ def test_a_file_that_cannot_be_written_is_told_of_once_and_again_after_it_could(
     (folder / "health").unlink()
     folder.rmdir()
     assert file.write("ok", "") == complaint
+
+
+def test_a_link_in_the_way_is_not_followed(tmp_path: Path) -> None:
+    victim = tmp_path / "victim"
+    victim.write_text("precious\n")
+    (tmp_path / "health.new").symlink_to(victim)
+    assert HealthFile(tmp_path / "health").write("ok", "") is None
+    assert victim.read_text() == "precious\n"
+    assert (tmp_path / "health").read_text() == "ok \n"

@@ -1,0 +1,33 @@
+"""What can be known to be wrong with a run before anything of it is started."""
+
+from __future__ import annotations
+
+from services.pipeline import RecordedFrames, load_pipeline
+from services.run.options import RunOptions
+
+_LIVE = ("/dev/", "pan:")
+"""A camera is opened once; the window of a recording writes a file when it is."""
+
+
+def check_options(options: RunOptions) -> None:
+    """Read every setting, make every core, open a recording, and let go of all of it.
+
+    Raises:
+        SettingsError: a setting, the detector or its model is not what it should be.
+        SourceError: the source cannot be opened.
+    """
+    check_settings(options)
+    if not (
+        options.source.isdigit() or options.source.startswith(_LIVE) or "://" in options.source
+    ):
+        with RecordedFrames(options.source, options.scale, options.fps):
+            pass
+
+
+def check_settings(options: RunOptions) -> None:
+    """The part of `check_options` that does not concern the source.
+
+    Raises:
+        SettingsError: a setting, the detector or its model is not what it should be.
+    """
+    load_pipeline(options.preset, options.target, options.config, options.detector, options.model)
