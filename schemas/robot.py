@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import FailFast, Field
+from pydantic import AfterValidator, FailFast, Field
 
 from schemas.base import Count, Flag, Message, Name, NonNegative, Part, Real
 
 MAX_SECTORS = 720
+MAX_RANGE_M = 1000.0
 Heading = Annotated[float, Field(strict=True, ge=-math.pi, le=math.pi)]
 """Radians, left is positive, 0 is straight ahead (of the robot) or along x (of the world)."""
 
@@ -28,13 +29,31 @@ class Odometry(Message):
     angular_radps: Real = Field(description="left is positive")
 
 
+def _is_range(distance_m: float) -> float:
+    # Not `ge` and `le`: infinity and NaN mean something in a range, by REP 117 of ROS.
+    if math.isfinite(distance_m) and not 0.0 <= distance_m <= MAX_RANGE_M:
+        raise ValueError(f"Input should be 0 to {MAX_RANGE_M:g} metres, inf, -inf or nan")
+    return distance_m
+
+
+Distance = Annotated[
+    float,
+    Field(
+        strict=True, allow_inf_nan=True,
+        json_schema_extra={"minimum": 0, "maximum": int(MAX_RANGE_M)},
+    ),
+    AfterValidator(_is_range),
+]  # fmt: skip
+
+
 class RangeSector(Part):
     """The nearest thing within one sector around the robot."""
 
     bearing_rad: Heading = Field(description="centre of the sector")
     width_rad: Annotated[float, Field(strict=True, gt=0, le=2 * math.pi)]
-    distance_m: Annotated[float, Field(strict=True, ge=0, le=1000)] = Field(
-        description="from the robot's centre; the sensor's greatest range where nothing is seen"
+    distance_m: Distance = Field(
+        description="from the robot's centre; inf or the sensor's greatest range: nothing seen; "
+        "-inf: too near to measure; nan: not measured"
     )
 
 

@@ -52,14 +52,18 @@ class DetectorService:
             header = self._images.header(arrival)
             if header is None:
                 continue
-            started_s = time.monotonic()
-            blobs = self._detect(arrival, header)
-            if blobs is None:
-                continue
-            now_s = time.monotonic()
-            age_s = header.age_ns * 1e-9 + now_s - arrival.arrived_s
-            self._out.send(blobs, age_s)
-            self._context.statistics.output(now_s, now_s - started_s, age_s)
+            with self._context.surviving("detecting"):
+                self._answer(arrival, header)
+
+    def _answer(self, arrival: Arrival, header: Header) -> None:
+        started_s = time.monotonic()
+        blobs = self._detect(arrival, header)
+        if blobs is None:
+            return
+        now_s = time.monotonic()
+        age_s = header.age_ns * 1e-9 + now_s - arrival.arrived_s
+        self._out.send(blobs, age_s)
+        self._context.statistics.output(now_s, now_s - started_s, age_s)
 
     def _detect(self, arrival: Arrival, header: Header) -> Blobs | None:
         statistics = self._context.statistics

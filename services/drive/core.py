@@ -7,6 +7,7 @@ from typing import Literal
 
 from schemas import DriveState, MotionCommand
 from services.drive.settings import DriveSettings
+from services.runtime.sequence import SequenceWatch
 from services.runtime.streams import ProducerGate
 
 _MAX_STEP_S = 0.2
@@ -31,8 +32,10 @@ class Drive:
         self.settings = settings
         self._gate = gate or ProducerGate()
         self._producer: str | None = None
+        self._numbers = SequenceWatch()
+        self.refusal = ""
+        """Why the last command was not new; "" if it was, or another producer's."""
         self._command: MotionCommand | None = None
-        self._taken_seq = -1
         self._taken_s = 0.0
         self._idle: tuple[_State, str] = ("waiting", "no command yet")
         self._estop = False
@@ -48,11 +51,14 @@ class Drive:
             producer: who sent it. One producer is obeyed until it has been silent.
             now_s: monotonic time of its arrival.
         """
+        self.refusal = ""
         if not self._gate.accepts(producer, now_s):
             return False
-        if producer == self._producer and command.seq <= self._taken_seq:
+        if producer != self._producer:
+            self._producer, self._numbers = producer, SequenceWatch()
+        if not self._numbers.fresh(producer, command.seq, now_s):
+            self.refusal = f"{producer}: {self._numbers.refusal}"
             return False
-        self._producer, self._taken_seq = producer, command.seq
         if not self._estop:
             self._command, self._taken_s = command, now_s
         return True

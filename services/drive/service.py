@@ -31,7 +31,7 @@ from services.runtime.latched import LatchedQuery
 from services.runtime.publishing import Latched, latched_values
 from services.runtime.service import ServiceContext, end_within, run_service
 from services.runtime.settings import Loaded
-from services.runtime.streams import Received
+from services.runtime.streams import END_HOLD_S, Received
 
 _EXIT_S = 1.0
 """From a failed driver to the end of the process, whatever else hangs."""
@@ -49,7 +49,7 @@ class DriveService:
         self._drive = Drive(context.settings, self._commands.gate)
         self._newest: Received[MotionCommand] | None = None
         self._told = ("", "")
-        self._ended = False
+        self._ended_s: float | None = None
         self._odometry_seq = 0
         context.inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
         self._out = context.publisher(keys.ROBOT_DRIVE, qos.DRIVE)
@@ -85,7 +85,7 @@ class DriveService:
     def _go_round(self) -> None:
         period_s = 1.0 / self._context.settings.rate_hz
         due_s = time.monotonic()
-        while self._context.running and not self._ended:
+        while self._context.running and not self._is_over():
             now_s = time.monotonic()
             if now_s >= due_s:
                 self._round()
@@ -141,25 +141,33 @@ class DriveService:
             return self._hear_estop(arrival)
         if arrival.encoding == EndOfStream.encoding():
             return self._end(arrival)
-        received = self._commands.message(arrival, MotionCommand)
+        # The core judges whom to obey and what is new.
+        received = self._commands.message(arrival, MotionCommand, judged=False)
         if received is None:
             return False
         command = received.message
         taken = self._drive.take(command, received.stamp.producer, arrival.arrived_s)
         self._commands.report_rivals(arrival)
+        if taken or self._drive.refusal:
+            self._commands.report_refusal(arrival, self._drive.refusal)
         if not taken:
             return False
+        self._ended_s = None
         self._newest = received
         self._context.statistics.input(arrival.arrived_s)
         return command.linear_mps == 0.0 and command.angular_radps == 0.0
 
     def _end(self, arrival: Arrival) -> bool:
-        end = self._commands.end(arrival)
-        if end is None:
+        """Stop at once; whether the drive is to end shows when no command follows."""
+        if self._commands.end(arrival) is None:
             return False
         self._drive.end()
-        self._ended = self._context.settings.exit_at_end
+        self._ended_s = arrival.arrived_s
         return True
+
+    def _is_over(self) -> bool:
+        over = self._ended_s is not None and time.monotonic() - self._ended_s >= END_HOLD_S
+        return over and self._context.settings.exit_at_end
 
     def _hear_estop(self, arrival: Arrival) -> bool:
         try:

@@ -6,13 +6,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schemas import Ranges
+from schemas.robot import MAX_RANGE_M
 
 BODY_M = 0.2
 """From the front of a person's body to its middle."""
 _LOOK_AHEAD_S = (0.25, 0.5, 0.75, 1.0)
 _BESIDE_RAD = math.pi / 3
+_BETWEEN_RAD = 0.1
+"""A beam that fails between two that see, so near to both, shows what the nearer of them shows."""
 _PEOPLE_STOP_MPS2 = 3.0
 """How hard somebody who walks can brake."""
 
@@ -44,22 +48,31 @@ class Room:
 
 
 class Sectors:
-    """Ranges as arrays: they are asked about several directions fifty times a second."""
+    """Ranges as arrays: they are asked about several directions fifty times a second.
+
+    Infinite ones are free as far as any sensor reaches, minus infinity is 0 m. What was not
+    measured (NaN) is unknown, and nobody drives there.
+    """
 
     def __init__(self, ranges: Ranges) -> None:
-        table = np.array([(s.bearing_rad, s.width_rad, s.distance_m) for s in ranges.sectors])
-        self._bearing, self._width, self._distance = table.reshape(-1, 3).T
+        rows = [(s.bearing_rad, s.width_rad, s.distance_m) for s in ranges.sectors]
+        table = _interpolated(np.array(rows, np.float64).reshape(-1, 3))
+        unknown = np.isnan(table[:, 2])
+        self._bearing, self._width, distance = table[~unknown].T
+        self._distance = np.clip(distance, 0.0, MAX_RANGE_M)
+        self._unknown_bearing, self._unknown_width, _ = table[unknown].T
 
     def free_m(self, body: Body, direction_rad: float = 0.0) -> float | None:
         """How far the robot's front may go straight on in a direction; at least 0.
 
         A sector says that something may be anywhere on its arc, so its edge nearest to the path
-        counts. None: no sector looks that way.
+        counts. None: no sector looks that way. 0: the one that does has not measured.
         """
-        off = np.abs(np.remainder(self._bearing - direction_rad + math.pi, 2 * math.pi) - math.pi)
+        off = _angle(self._bearing - direction_rad)
         nearest = np.maximum(off - self._width / 2, 0.0)
         if not (nearest == 0.0).any():
-            return None
+            unknown = _angle(self._unknown_bearing - direction_rad) <= self._unknown_width / 2
+            return 0.0 if unknown.any() else None
         # A wall close beside must not hold up a robot that drives along it.
         margin_m = np.where(nearest < _BESIDE_RAD, body.margin_m, 0.0)
         space_m = body.radius_m + margin_m
@@ -76,10 +89,33 @@ class Sectors:
             bearing_rad: the direction.
             widest_rad: sectors wider than that are left out.
         """
-        off = np.abs(np.remainder(self._bearing - bearing_rad + math.pi, 2 * math.pi) - math.pi)
+        off = _angle(self._bearing - bearing_rad)
         off[(off > self._width / 2) | (self._width > widest_rad)] = math.inf
         nearest = int(off.argmin()) if off.size else -1
         return float(self._distance[nearest]) if nearest >= 0 and off[nearest] < math.inf else None
+
+
+def _angle(off_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The size of angles, at most pi."""
+    return np.abs(np.remainder(off_rad + math.pi, 2 * math.pi) - math.pi)
+
+
+def _interpolated(table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sectors (N, 3), where single beams that were not measured take the nearer of their two sides.
+
+    Lidars lose a beam now and then; between two good ones that are close by it is no blind spot.
+    """
+    missing = np.isnan(table[:, 2])
+    if missing.all() or not missing.any():
+        return table
+    good = table[~missing]
+    for at in missing.nonzero()[0]:
+        off = np.remainder(good[:, 0] - table[at, 0] + math.pi, 2 * math.pi) - math.pi
+        left = good[(off >= 0) & (off <= _BETWEEN_RAD), 2]
+        right = good[(off <= 0) & (off >= -_BETWEEN_RAD), 2]
+        if left.size and right.size:
+            table[at, 2] = min(left.min(), right.min())
+    return table
 
 
 def room_before_person_m(

@@ -19,11 +19,13 @@ from schemas import (
     Tracks,
 )
 from schemas.follow import FollowStateName
+from services.follower.camera_info import implausible
 from services.follower.clearance import Sectors
 from services.follower.controller import Goal, VelocityController
 from services.follower.own_motion import OwnMotion
 from services.follower.people import People
 from services.follower.search import Search
+from services.follower.sensors import Sensor, Sensors, implausible_odometry, implausible_ranges
 from services.follower.settings import FollowerSettings
 from services.follower.sight import judge_sight
 from services.follower.states import Situation, next_state
@@ -47,6 +49,7 @@ class Follower:
         self._people = People(settings.person_height_m, math.radians(settings.horizontal_fov_deg))
         self._motion = OwnMotion(settings.robot_delay_s, settings.max_odometry_age_s)
         self._surroundings = Surroundings(settings)
+        self._sensors = Sensors(settings)
         self._choice = TargetChoice(settings)
         self._search: Search | None = None
         self._tracks: Tracks | None = None
@@ -70,8 +73,30 @@ class Follower:
         return self._choice.target
 
     def set_camera(self, info: CameraInfo) -> None:
-        """Use what the camera says of itself: field of view, mounting height and pitch."""
+        """Use what the camera says of itself: field of view, mounting height and pitch.
+
+        What no camera can be like is not used, and the robot stands for a while.
+        """
+        now_s = self._now_s or 0.0
+        if problem := implausible(info):
+            self.refuse("camera", problem, now_s)
+            return
+        self._sensors.good("camera", now_s)
         self._people.set_camera(info)
+
+    def refuse(self, sensor: Sensor, reason: str, now_s: float) -> None:
+        """Take note of a message that cannot be used; without good ones beside it the robot stops.
+
+        Args:
+            sensor: that it came from.
+            reason: in words.
+            now_s: time of arrival, on the clock of `step`.
+        """
+        self._sensors.refused(sensor, reason, now_s)
+
+    def trouble(self, now_s: float) -> str:
+        """Which sensor speaks and cannot be read, in words; "" if none."""
+        return self._sensors.trouble(now_s)
 
     def set_estop(self, engaged: bool) -> None:
         """Engage or release the emergency stop; it holds whatever else happens."""
@@ -97,6 +122,10 @@ class Follower:
             ranges: what a range sensor sees around the robot now.
             now_s: time of arrival, on the clock of `step`.
         """
+        if problem := implausible_ranges(ranges):
+            self.refuse("ranges", problem, now_s)
+            return
+        self._sensors.good("ranges", now_s)
         sectors = Sectors(ranges)
         self._surroundings.observe(sectors, now_s)
         self._people.observe(sectors, now_s)
@@ -108,6 +137,10 @@ class Follower:
             odometry: what the robot does now.
             now_s: time of arrival, on the clock of `step`.
         """
+        if problem := implausible_odometry(odometry):
+            self.refuse("odometry", problem, now_s)
+            return
+        self._sensors.good("odometry", now_s)
         self._motion.odometry(odometry, now_s)
 
     def choose(self, request: TargetRequest) -> Target:
@@ -163,6 +196,22 @@ class Follower:
             ttl_s=self.settings.ttl_s, state=name, reason=reason, frame=self._frame(),
         )  # fmt: skip
 
+    def halt(self, reason: str) -> MotionCommand:
+        """A command to stand, where `step` fails to give one."""
+        self._controller.stop()
+        self._name = "stopped"
+        self._seq += 1
+        self.state = self.state.model_copy(
+            update={
+                "seq": self._seq, "state": "stopped", "reason": reason, "linear_mps": 0.0,
+                "angular_radps": 0.0, "estop": self._estop,
+            }
+        )  # fmt: skip
+        return MotionCommand(
+            seq=self._seq - 1, linear_mps=0.0, angular_radps=0.0, ttl_s=self.settings.ttl_s,
+            state="stopped", reason=reason[:96],
+        )  # fmt: skip
+
     def _begin(self) -> None:
         """Somebody else or nobody: what was known of the old one's sight means nothing."""
         self._forget_sight()
@@ -207,6 +256,7 @@ class Follower:
         since_s = self._clear_since_s
         return Situation(
             estop=self._estop,
+            unreadable=self._sensors.trouble(now_s),
             ranges_stale=self._surroundings.stale(now_s),
             chosen=target.mode != "none",
             chosen_reason=target.reason,

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import TypeVar
 
 import zenoh
@@ -26,6 +27,7 @@ from schemas import (
     MotionCommand,
     Odometry,
     Ranges,
+    Taken,
     Target,
     TargetRequest,
     Tracks,
@@ -33,10 +35,14 @@ from schemas import (
     encode,
     keys,
 )
+from services.follower.camera_info import CameraInfos, implausible
 from services.follower.core import Follower
+from services.follower.frame_times import FrameTimes
 from services.follower.settings import FollowerServiceSettings
 from services.runtime import qos
+from services.runtime.clock import monotonic_clock
 from services.runtime.inbox import Arrival
+from services.runtime.latched import LatchedQuery
 from services.runtime.publishing import Latched
 from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from services.runtime.session import QUERY_TIMEOUT_S
@@ -45,6 +51,8 @@ from services.runtime.streams import Received
 
 _STOP_REPEATS = 5
 """Zero commands sent on the way out, so that one lost message cannot keep a robot rolling."""
+_TOLD_S = 5.0
+"""How long health tells of a camera's description that is not used."""
 _STATE_PERIOD_S = 0.2
 """Distances and bearings are told that often while the state stays the same."""
 
@@ -61,6 +69,12 @@ class FollowerService:
         self._context = context
         self._follower = Follower(context.settings)
         self._lock = threading.Lock()
+        self._times = FrameTimes(monotonic_clock())
+        self._infos = CameraInfos(context.settings.camera)
+        self._info_epoch: int | None = None
+        self._info_asked = LatchedQuery(
+            context.session, keys.info(context.settings.camera), CameraInfo
+        )
         self._newest: Received[Tracks] | None = None
         self._told: tuple[object, ...] = ()
         self._told_s = -math.inf
@@ -71,6 +85,7 @@ class FollowerService:
         if self._live:
             # In a lossless run the stream is the clock; what comes beside it has no place in it.
             context.inbox.subscribe("info", keys.info(camera), qos.INFO)
+            self._taken = context.subscribe("taken", keys.taken(camera), qos.TAKEN, primary=False)
             self._ranges = context.subscribe("ranges", keys.ROBOT_RANGE, qos.RANGES, primary=False)
             self._odometry = context.subscribe(
                 "odometry", keys.ROBOT_ODOMETRY, qos.ODOMETRY, primary=False
@@ -118,15 +133,18 @@ class FollowerService:
                 age_s = None if self._newest is None else self._newest.age_s(now_s)
                 self._publish(now_s, age_s)
                 due_s = max(due_s + period_s, now_s)
+                self._look_after(now_s)
                 continue
             arrival = self._context.inbox.get(min(due_s - now_s, LOOP_WAIT_S))
             if arrival is None:
-                continue
-            if arrival.topic != "tracks":
+                pass
+            elif arrival.topic != "tracks":
                 self._side_message(arrival)
             elif arrival.encoding != EndOfStream.encoding():
                 self._observe(arrival)
-            elif (end := self._tracks.end(arrival)) is not None:
+            else:
+                self._tracks.ending(arrival)
+            if (end := self._tracks.ended(time.monotonic())) is not None:
                 self._context.log.info("stream ended after %d frames: %s", end.frames, end.reason)
                 if self._context.settings.exit_at_end:
                     self._out.end(end)
@@ -137,11 +155,56 @@ class FollowerService:
         received = self._tracks.message(arrival, Tracks)
         if received is None:
             return False
+        if self._live and (received := self._dated(received)) is None:
+            return False
         self._context.statistics.input(arrival.arrived_s)
-        self._newest = received
-        with self._lock:
+        self._use_camera_of(received.message.epoch)
+        with self._context.surviving("taking tracks"), self._lock:
             self._follower.observe(received.message, received.stamp.producer)
+            self._newest = received
         return True
+
+    def _dated(self, received: Received[Tracks]) -> Received[Tracks] | None:
+        """The same with the time at which its frame was taken; None if it is no frame of now."""
+        now_s = received.arrived_s
+        taken_s, wrong = self._times.taken_s(received.message, now_s)
+        if wrong:
+            reason = f"{keys.tracks(self._context.settings.camera)}: {wrong}"
+            self._context.warn.warning("taken", reason, now_s)
+            self._context.statistics.problem("taken", reason, now_s + 1.0)
+            return None
+        if taken_s is None:
+            ages = f"transit not counted: no {keys.taken(self._context.settings.camera)}"
+        else:
+            ages = "from acquisition" if self._times.same_clock else "since the camera told"
+        self._context.statistics.details["ages"] = ages
+        return replace(received, taken_s=taken_s)
+
+    def _use_camera_of(self, epoch: int) -> None:
+        """From the first frame of a start of the camera on its description counts."""
+        if epoch == self._info_epoch:
+            return
+        info = self._infos.of(epoch)
+        if info is not None:
+            self._info_epoch = epoch
+            with self._lock:
+                self._follower.set_camera(info)
+
+    def _look_after(self, now_s: float) -> None:
+        """What the loop does between messages: words for health, a description still missing."""
+        with self._lock:
+            trouble = self._follower.trouble(now_s)
+        if self._context.statistics.problem("sensors", trouble or None, now_s + 1.0) and trouble:
+            self._context.log.warning("%s", trouble)
+        if self._newest is None or self._info_epoch == self._newest.message.epoch:
+            return
+        try:
+            info = self._info_asked.poll(now_s)
+        except MessageError as error:
+            self._context.warn.warning("info-asked", f"{keys.info('*')}: {error}", now_s)
+            return
+        if info is not None:
+            self._take_info(info, now_s)
 
     def _publish(self, now_s: float, judged_age_s: float | None) -> None:
         """Send the command of this moment.
@@ -151,8 +214,13 @@ class FollowerService:
             judged_age_s: age of the tracks by that clock; the true age goes into the stamp.
         """
         started_s = time.monotonic()
-        with self._lock:
+        command, state = None, None
+        with self._context.surviving("following"), self._lock:
             command = self._follower.step(now_s, judged_age_s)
+            state = self._follower.state
+        if command is None or state is None:
+            # Nothing is sent, and the drive stops by itself: sooner told than late.
+            command = self._follower.halt("the follower cannot compute a command")
             state = self._follower.state
         age_s = 0.0 if self._newest is None else self._newest.age_s(time.monotonic())
         self._out.send(command, age_s)
@@ -183,7 +251,10 @@ class FollowerService:
             if arrival.topic == "estop":
                 self._take_estop(decode(EStop, arrival.payload, arrival.encoding))
             elif arrival.topic == "info":
-                self._take_info(decode(CameraInfo, arrival.payload, arrival.encoding))
+                info = decode(CameraInfo, arrival.payload, arrival.encoding)
+                self._take_info(info, arrival.arrived_s)
+            elif arrival.topic == "taken":
+                self._take_taken(arrival)
             elif arrival.topic == "ranges":
                 self._take_ranges(arrival)
             else:
@@ -192,17 +263,28 @@ class FollowerService:
             self._context.statistics.malformed += 1
             self._context.warn.warning(arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s)
 
+    def _take_taken(self, arrival: Arrival) -> None:
+        if arrival.encoding == EndOfStream.encoding():
+            return
+        received = self._taken.message(arrival, Taken)
+        if received is not None:
+            self._times.hear(received.message, received.arrived_s)
+
     def _take_ranges(self, arrival: Arrival) -> None:
         received = self._ranges.message(arrival, Ranges)
-        if received is not None:
-            with self._lock:
+        with self._lock:
+            if received is not None:
                 self._follower.observe_ranges(received.message, _measured_s(received))
+            elif self._ranges.unreadable:
+                self._follower.refuse("ranges", self._ranges.unreadable, arrival.arrived_s)
 
     def _take_odometry(self, arrival: Arrival) -> None:
         received = self._odometry.message(arrival, Odometry)
-        if received is not None:
-            with self._lock:
+        with self._lock:
+            if received is not None:
                 self._follower.observe_odometry(received.message, _measured_s(received))
+            elif self._odometry.unreadable:
+                self._follower.refuse("odometry", self._odometry.unreadable, arrival.arrived_s)
 
     def _take_estop(self, estop: EStop) -> None:
         self._estop.keep(estop)
@@ -211,9 +293,19 @@ class FollowerService:
         self._context.log.warning("e-stop %s by %s", "engaged" if estop.engaged else "released",
                                   estop.source)  # fmt: skip
 
-    def _take_info(self, info: CameraInfo) -> None:
-        with self._lock:
-            self._follower.set_camera(info)
+    def _take_info(self, info: CameraInfo, now_s: float) -> None:
+        if wrong := self._infos.hear(info):
+            reason = f"{keys.info(self._context.settings.camera)}: {wrong}"
+            self._context.warn.warning("info", reason, now_s)
+            self._context.statistics.problem("info", reason, now_s + _TOLD_S)
+            epoch = None if self._newest is None else self._newest.message.epoch
+            if implausible(info) and info.epoch == epoch != self._info_epoch:
+                # Nobody else describes the camera in use: the standard lens would be a guess.
+                with self._lock:
+                    self._follower.refuse("camera", wrong, now_s)
+        elif self._newest is not None and info.epoch == self._newest.message.epoch:
+            self._info_epoch = None
+            self._use_camera_of(info.epoch)
 
     def _catch_up(self) -> None:
         """Ask for latched values: a follower that restarts must not forget a stop."""
@@ -224,7 +316,7 @@ class FollowerService:
 
     def _ask_camera(self) -> None:
         for info in self._latched(keys.info(self._context.settings.camera), CameraInfo):
-            self._take_info(info)
+            self._take_info(info, time.monotonic())
 
     def _latched(self, key: str, kind: type[M]) -> Iterator[M]:
         for reply in self._context.session.get(key, timeout=QUERY_TIMEOUT_S):

@@ -1,7 +1,8 @@
 """The follower's states: one function each, from the situation to the next state and its reason.
 
-What overrules every state stands in `overruled`, in order: emergency stop, blind range sensor,
-nobody chosen, nothing seen yet, stale tracks, a target that may be a thing.
+What overrules every state stands in `overruled`, in order: emergency stop, a sensor that cannot be
+read, a blind range sensor, nobody chosen, nothing seen yet, stale tracks, a target that may be a
+thing.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ class Situation:
         searching_s: since the search began.
         looked_everywhere: whether the search has been everywhere.
         proven: whether the target is known to be a person at all.
+        unreadable: which sensor speaks and cannot be read, in words; "" if none.
     """
 
     estop: bool
@@ -47,6 +49,7 @@ class Situation:
     searching_s: float
     looked_everywhere: bool
     proven: bool = True
+    unreadable: str = ""
 
 
 def next_state(present: FollowStateName, now: Situation, settings: FollowerSettings) -> Step:
@@ -58,6 +61,8 @@ def overruled(now: Situation, settings: FollowerSettings) -> Step | None:
     """What holds whatever the state was; None if nothing does."""
     if now.estop:
         return "stopped", "emergency stop"
+    if now.unreadable:
+        return "stopped", now.unreadable[:96]
     if now.ranges_stale:
         return "stopped", f"ranges are older than {settings.max_ranges_age_s:g} s"
     if not now.chosen:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import OrderedDict
 
 import numpy as np
@@ -68,7 +69,9 @@ class Collector:
             # This end writes a record: it keeps more than the newest message, in live mode too.
             quality = quality.for_delivery("lossless")
             inbox.subscribe(topic, key, quality)
-            self._judges[topic] = StreamJudge(topic, quality, self._statistics, warn)
+            self._judges[topic] = StreamJudge(
+                topic, quality, self._statistics, warn, live=not self._lossless
+            )
         inbox.subscribe("health", keys.ALL_HEALTH, qos.HEALTH)
         inbox.subscribe("info", keys.info(CAMERA), qos.INFO)
         inbox.subscribe("target", keys.FOLLOW_TARGET, qos.TARGET)
@@ -92,13 +95,17 @@ class Collector:
     @property
     def ended(self) -> bool:
         """Whether tracks and commands have both announced their end."""
+        for topic, judge in self._judges.items():
+            if (end := judge.ended(time.monotonic())) is not None:
+                self._ended.add(topic)
+                self._summary.captured, self._summary.ended = end.frames, end.reason
         return self._ended >= {"tracks", "command"}
 
     def take(self, arrival: Arrival) -> None:
         """Handle one message; malformed ones are counted and dropped."""
         if arrival.topic in self._judges:
             if arrival.encoding == EndOfStream.encoding():
-                self._end(arrival)
+                self._judges[arrival.topic].ending(arrival)
             else:
                 self._stream(arrival)
             return
@@ -131,13 +138,6 @@ class Collector:
         for tell in (self._note.page_is, self._options.on_page):
             if tell is not None:
                 tell(url)
-
-    def _end(self, arrival: Arrival) -> None:
-        end = self._judges[arrival.topic].end(arrival)
-        if end is None:
-            return
-        self._ended.add(arrival.topic)
-        self._summary.captured, self._summary.ended = end.frames, end.reason
 
     def _stream(self, arrival: Arrival) -> None:
         judge = self._judges[arrival.topic]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from dataclasses import dataclass, field
@@ -44,8 +45,10 @@ class ServiceStatistics:
         self._out = _Rate()
         self._busy_ms: deque[float] = deque(maxlen=_WINDOW)
         self._age_ms: deque[float] = deque(maxlen=_WINDOW)
-        self._problems: dict[str, str] = {}
+        self._problems: dict[str, tuple[str, float]] = {}
         self.received = self.sent = self.dropped = self.malformed = 0
+        self.failed = 0
+        """Messages whose processing raised an error."""
         self.last_input_s: float | None = None
         self.last_loop_s: float | None = None
         self.shared_memory: bool | None = None
@@ -75,13 +78,19 @@ class ServiceStatistics:
             self._busy_ms.append(busy_s * 1e3)
             self._age_ms.append(age_s * 1e3)
 
-    def problem(self, kind: str, reason: str | None) -> bool:
-        """Report or clear (None) a lasting problem; True if that is news."""
+    def problem(self, kind: str, reason: str | None, until_s: float = math.inf) -> bool:
+        """Report or clear (None) a lasting problem; True if that is news.
+
+        Args:
+            kind: what the problem is with; another reason for the same takes its place.
+            reason: in words.
+            until_s: monotonic time at which it is over unless it is reported again.
+        """
         with self._lock:
             if reason is None:
                 return self._problems.pop(kind, None) is not None
-            news = self._problems.get(kind) != reason
-            self._problems[kind] = reason
+            news = kind not in self._problems or self._problems[kind][0] != reason
+            self._problems[kind] = reason, until_s
             return news
 
     def missed_input(self, now_s: float) -> str | None:
@@ -97,10 +106,15 @@ class ServiceStatistics:
         remedy = f": is {sender} running?" if sender else ""
         return f"no {self.input_topic} for {max(1.0, silent_s):.0f} s{remedy}"
 
-    def problems(self) -> list[str]:
+    def problems(self, now_s: float = -math.inf) -> list[str]:
         """Reasons of all problems that last."""
         with self._lock:
-            return list(self._problems.values())
+            self._problems = {
+                kind: (reason, until_s)
+                for kind, (reason, until_s) in self._problems.items()
+                if now_s < until_s
+            }
+            return [reason for reason, _ in self._problems.values()]
 
     def detail(self, name: str, value: str | None) -> None:
         """Set a detail of the health message, or take it out (None)."""

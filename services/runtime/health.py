@@ -85,7 +85,7 @@ class HealthReporter(threading.Thread):
         busy_ms, age_ms = s.busy_and_age_ms()
         rss_mb, peak_rss_mb = process.memory_mb()
         loop_age_s = now_s - (s.last_loop_s or self._started_s)
-        problems = [*self._around(now_s), *s.problems()]
+        problems = [*self._around(now_s), *s.problems(now_s)]
         hung = loop_age_s > (HUNG_S if s.last_loop_s else START_S)
         if hung:
             problems.insert(0, f"the service loop has hung for {loop_age_s:.1f} s: restart it")

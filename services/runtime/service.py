@@ -44,6 +44,8 @@ LINGER_S = 1.0
 """How long a service stays after the end of its stream, so that its last messages are taken."""
 LOOP_WAIT_S = 0.2
 """Longest wait inside a service loop, so that it comes round and sees a stop."""
+_FAILED_S = 5.0
+"""How long health tells of one message that could not be worked on."""
 
 S = TypeVar("S", bound=ServiceSettings)
 
@@ -79,10 +81,11 @@ class ServiceContext(Generic[S]):
         """Receive a stream in this service's delivery mode."""
         qos = qos.for_delivery(self.settings.delivery)
         self.inbox.subscribe(topic, key, qos)
-        if primary and self.settings.delivery == "live":
+        live = self.settings.delivery == "live"
+        if primary and live:
             # Where nothing may be lost the sender waits, too, however long the work takes.
             self.statistics.input_topic = topic
-        return StreamJudge(topic, qos, self.statistics, self.warn, primary)
+        return StreamJudge(topic, qos, self.statistics, self.warn, primary, live)
 
     def arrivals(self, judge: StreamJudge, out: StreamPublisher | None = None) -> Iterator[Arrival]:
         """Messages of one stream until the service is to end.
@@ -91,11 +94,11 @@ class ServiceContext(Generic[S]):
         """
         while self.running:
             arrival = self.inbox.get(LOOP_WAIT_S, judge.topic)
-            if arrival is None:
-                continue
-            if arrival.encoding != EndOfStream.encoding():
+            if arrival is not None and arrival.encoding != EndOfStream.encoding():
                 yield arrival
-            elif (end := judge.end(arrival)) is not None:
+            elif arrival is not None:
+                judge.ending(arrival)
+            if (end := judge.ended(time.monotonic())) is not None:
                 self.log.info("stream %s ended after %d frames: %s", end.stream, end.frames,
                               end.reason)  # fmt: skip
                 if out is not None:
@@ -103,6 +106,24 @@ class ServiceContext(Generic[S]):
                 if self.settings.exit_at_end:
                     self.linger()
                     return
+
+    @contextmanager
+    def surviving(self, what: str) -> Iterator[None]:
+        """Around the work on one message: whatever it raises costs that message, not the service.
+
+        A core is meant to bound what it computes from accepted input; where it does not, somebody's
+        one odd message must not stop everybody's frames. It is said in health, and in the log with
+        the place in the code.
+        """
+        try:
+            yield
+        except Exception as error:
+            now_s = time.monotonic()
+            words = " ".join(str(error).split())[:160]
+            reason = f"{what} failed: {type(error).__name__}: {words}: please report it"
+            self.statistics.failed += 1
+            if self.statistics.problem(f"failed-{what}", reason, now_s + _FAILED_S):
+                self.log.error("%s", reason, exc_info=True)
 
     def linger(self) -> None:
         """Stay a moment after the last message, or until told to end.

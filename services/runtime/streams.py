@@ -1,4 +1,4 @@
-"""Judging a stream of messages: which producer to believe, what is missing, what is malformed."""
+"""Judging a stream of messages: whom to believe, what is missing or malformed, and its end."""
 
 from __future__ import annotations
 
@@ -6,11 +6,16 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from schemas import (
+    DriveState,
     EndOfStream,
     Header,
     Message,
     MessageError,
+    MotionCommand,
+    Odometry,
+    Ranges,
     Stamp,
+    Taken,
     decode,
 )
 from schemas.frame import FrameId
@@ -18,13 +23,17 @@ from services.runtime.counters import ServiceStatistics
 from services.runtime.inbox import Arrival
 from services.runtime.logs import OncePerSecond
 from services.runtime.qos import TopicQos
+from services.runtime.sequence import Name, SequenceWatch
 
 SHARED_MEMORY_MIN_BYTES = 3072
 """Zenoh's default threshold: smaller messages go through the socket."""
 PRODUCER_STALE_S = 0.5
 """A silent producer keeps its consumers this long before they move to another."""
 _RIVAL_S = 2.0
-_MOST_MISSING = 2**63 - 1
+_REFUSED_S = 0.5
+"""Nothing but refusals for so long is a problem."""
+END_HOLD_S = 0.5
+"""Live, nothing may follow an end for so long before it is believed."""
 
 M = TypeVar("M", bound=Message)
 
@@ -39,8 +48,7 @@ class ProducerGate:
 
     def accepts(self, producer: str, now_s: float) -> bool:
         """Whether a message of this producer is to be used."""
-        stale = now_s - self._last_s > PRODUCER_STALE_S
-        if self.current is None or producer == self.current or stale:
+        if self.would_accept(producer, now_s):
             self.current = producer
             self._last_s = now_s
             self._rivals.pop(producer, None)
@@ -49,30 +57,15 @@ class ProducerGate:
             self._rivals[producer] = now_s
         return False
 
+    def would_accept(self, producer: str, now_s: float) -> bool:
+        """The same without taking note of it."""
+        stale = now_s - self._last_s > PRODUCER_STALE_S
+        return self.current is None or producer == self.current or stale
+
     def rivals(self, now_s: float) -> list[str]:
         """Other producers that were heard on the same stream of late."""
         self._rivals = {name: t for name, t in self._rivals.items() if now_s - t < _RIVAL_S}
         return sorted(self._rivals)
-
-
-class SequenceWatch:
-    """Counts what is missing from a stream, by its sequence numbers."""
-
-    def __init__(self) -> None:
-        self._epoch: int | None = None
-        self._seq = -1
-        self.missing = 0
-
-    def fresh(self, frame: FrameId) -> bool:
-        """Register a frame; False if it is not newer than the last one of its epoch."""
-        if frame.epoch != self._epoch:
-            self._epoch, self._seq = frame.epoch, frame.seq
-            return True
-        if frame.seq <= self._seq:
-            return False
-        self.missing = min(self.missing + frame.seq - self._seq - 1, _MOST_MISSING)
-        self._seq = frame.seq
-        return True
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,13 +75,26 @@ class Received(Generic[M]):
     message: M
     stamp: Stamp
     arrived_s: float
+    taken_s: float | None = None
+    """When the frame was taken at the latest, on this process's monotonic clock, where known."""
 
     def age_s(self, now_s: float) -> float:
         """Age of the frame: what its producers report plus the monotonic time since arrival.
 
-        Wall clocks are not used, so that a clock that jumps cannot make old data look new.
+        Where it is known when the frame was taken, no less than the time since. Wall clocks are not
+        used, so that a clock that jumps cannot make old data look new.
         """
-        return self.stamp.age_ns * 1e-9 + max(0.0, now_s - self.arrived_s)
+        told_s = self.stamp.age_ns * 1e-9 + max(0.0, now_s - self.arrived_s)
+        return told_s if self.taken_s is None else max(told_s, now_s - self.taken_s)
+
+
+def _line_of(message: Message, producer: str) -> Name | None:
+    """Within what a message counts; None if it does not."""
+    if isinstance(message, FrameId | Taken):
+        return message.epoch
+    if isinstance(message, MotionCommand | Odometry | Ranges | DriveState):
+        return producer
+    return None
 
 
 @dataclass
@@ -101,8 +107,17 @@ class StreamJudge:
     warn: OncePerSecond
     primary: bool = True
     """Whether gaps in this stream are the service's dropped frames."""
+    live: bool = True
+    """Whether messages may be lost; if not, every epoch is followed at once."""
     gate: ProducerGate = field(default_factory=ProducerGate)
-    watch: SequenceWatch = field(default_factory=SequenceWatch)
+    watch: SequenceWatch = field(init=False)
+    unreadable: str = field(init=False, default="")
+    """What was wrong with the last message, unless it was a rival's or nothing was."""
+    _refused_since_s: float | None = field(init=False, default=None)
+    _ending: tuple[EndOfStream, float, int] | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        self.watch = SequenceWatch(self.live)
 
     def refuse(self, arrival: Arrival, error: MessageError) -> None:
         """Count a malformed message and say so, at most once a second."""
@@ -110,9 +125,15 @@ class StreamJudge:
         self.warn.warning(f"{self.topic}-malformed", f"{arrival.key}: {error}", arrival.arrived_s)
 
     def end(self, arrival: Arrival) -> EndOfStream | None:
-        """Decode an end-of-stream message; None if it is malformed."""
+        """Decode an end-of-stream message; None if it is malformed or not of this stream."""
         try:
             end = decode(EndOfStream, arrival.payload, arrival.encoding)
+            line = self.watch.line
+            if isinstance(line, int) and (line != end.epoch or end.frames <= self.watch.seq):
+                raise MessageError(
+                    f"end: of epoch {end.epoch} after {end.frames} frames, but epoch {line} is at "
+                    f"frame {self.watch.seq}: send it behind the last frame"
+                )
         except MessageError as error:
             self.refuse(arrival, error)
             return None
@@ -120,30 +141,69 @@ class StreamJudge:
             self.statistics.input_over = True
         return end
 
-    def message(self, arrival: Arrival, kind: type[M]) -> Received[M] | None:
-        """Decode and judge a message with a `Stamp`; None if it is not to be used."""
+    def ending(self, arrival: Arrival) -> None:
+        """Take an end-of-stream message; `ended` says when it is to be believed."""
+        end = self.end(arrival)
+        if end is not None:
+            self._ending = end, arrival.arrived_s, self.watch.seq
+
+    def ended(self, now_s: float) -> EndOfStream | None:
+        """The end of the stream, once.
+
+        Live it has to hold: an end is told behind the last frame on the same key, so one that
+        frames follow was somebody else's.
+        """
+        if self._ending is None:
+            return None
+        end, arrived_s, seq = self._ending
+        if self.watch.seq != seq:
+            self._ending = None
+            self.warn.warning(f"{self.topic}-end", f"{self.topic}: an end that frames follow "
+                              f"({end.reason[:80]!r}) is not believed", now_s)  # fmt: skip
+            return None
+        if self.live and now_s - arrived_s < END_HOLD_S:
+            return None
+        self._ending = None
+        return end
+
+    def message(self, arrival: Arrival, kind: type[M], judged: bool = True) -> Received[M] | None:
+        """Decode and judge a message with a `Stamp`; None if it is not to be used.
+
+        Args:
+            arrival: as it came.
+            kind: the message expected.
+            judged: False leaves it to the caller whom to believe and what is new.
+        """
+        self.unreadable, producer = "", None
         try:
-            self._check_payload(arrival)
+            self._check_size(arrival)
             stamp = decode(Stamp, arrival.attachment or b"")
+            producer = stamp.producer
             message = decode(kind, arrival.payload, arrival.encoding)
         except MessageError as error:
             self.refuse(arrival, error)
+            if producer is None or self.gate.would_accept(producer, arrival.arrived_s):
+                self.unreadable = str(error)
             return None
-        if isinstance(message, FrameId) and not self._current(stamp.producer, message, arrival):
-            return None
+        line = _line_of(message, stamp.producer) if judged else None
+        if line is not None:
+            seq: int = message.seq  # type: ignore[attr-defined]
+            if not self._current(stamp.producer, line, seq, arrival):
+                return None
         return Received(message, stamp, arrival.arrived_s)
 
     def header(self, arrival: Arrival) -> Header | None:
         """Decode and judge an image's header; None if the image is not to be used."""
         try:
-            self._check_payload(arrival)
+            self._check_size(arrival)
             header = decode(Header, arrival.attachment or b"")
         except MessageError as error:
             self.refuse(arrival, error)
             return None
-        return header if self._current(header.producer, header, arrival) else None
+        current = self._current(header.producer, header.epoch, header.seq, arrival)
+        return header if current else None
 
-    def _check_payload(self, arrival: Arrival) -> None:
+    def _check_size(self, arrival: Arrival) -> None:
         if arrival.size > self.qos.max_bytes:
             raise MessageError(
                 f"{self.topic}: {arrival.size} bytes exceed the cap of {self.qos.max_bytes}: "
@@ -152,14 +212,33 @@ class StreamJudge:
         if self.primary and arrival.size >= SHARED_MEMORY_MIN_BYTES:
             self.statistics.shared_memory = arrival.by_shared_memory
 
-    def _current(self, producer: str, frame: FrameId, arrival: Arrival) -> bool:
+    def _current(self, producer: str, line: Name, seq: int, arrival: Arrival) -> bool:
+        before = self.gate.current
         accepted = self.gate.accepts(producer, arrival.arrived_s)
         self.report_rivals(arrival)
-        if not accepted or not self.watch.fresh(frame):
+        if not accepted:
             return False
-        if self.primary:
+        replaced = before is not None and before != producer
+        fresh = self.watch.fresh(line, seq, arrival.arrived_s, replaced)
+        self.report_refusal(arrival, "" if fresh else f"{producer}: {self.watch.refusal}")
+        if fresh and self.primary:
             self.statistics.dropped = self.watch.missing
-        return True
+        return fresh
+
+    def report_refusal(self, arrival: Arrival, refusal: str) -> None:
+        """Say in health when nothing but refused messages comes; no refusal clears it."""
+        kind, now_s = f"refused-{self.topic}", arrival.arrived_s
+        if not refusal:
+            self._refused_since_s = None
+            self.statistics.problem(kind, None)
+            return
+        if self._refused_since_s is None:
+            self._refused_since_s = now_s
+        self.warn.warning(kind, f"{arrival.key}: refused: {refusal}", now_s)
+        if now_s - self._refused_since_s > _REFUSED_S:
+            self.statistics.problem(
+                kind, f"{arrival.key}: every message is refused: {refusal}", now_s + _RIVAL_S
+            )
 
     def report_rivals(self, arrival: Arrival) -> None:
         """Say in health whether a second producer is heard, once the gate has judged."""
@@ -171,5 +250,5 @@ class StreamJudge:
             if rivals
             else None
         )
-        if self.statistics.problem(f"rivals-{self.topic}", reason) and reason:
+        if self.statistics.problem(f"rivals-{self.topic}", reason, now_s + _RIVAL_S) and reason:
             self.warn.warning(f"rivals-{self.topic}", reason, now_s)

@@ -49,6 +49,8 @@ class SimulatorService:
         self._truth_file = truth
         self._mount = s.mount()
         self._coding = ImageCoding(s.image_encoding, s.jpeg_quality)
+        # Numbers of messages go on over episodes: their producer is the same.
+        self._steps = self._scans = 0
         self._steps_a_frame = max(1, math.ceil(_LEAST_STEPS_HZ / s.fps))
         self._boxes = s.perception == "simulated-boxes"
         self._wheels = Wheels()
@@ -120,8 +122,8 @@ class SimulatorService:
                 self._frame(episode, step // self._steps_a_frame)
             self._listen()
             world.step(step_s, *self._wheels.speed(time.monotonic()))
-            self._odometry.send(world.odometry(step), 0.0)
-            step += 1
+            self._odometry.send(world.odometry(self._steps), 0.0)
+            self._steps, step = self._steps + 1, step + 1
         return "the simulator was stopped"
 
     def _await(self, pacer: Pacer, step: int) -> None:
@@ -155,7 +157,8 @@ class SimulatorService:
         self._truth.send(truth, 0.0)
         if self._truth_file is not None:
             self._truth_file.write(truth)
-        self._ranges.send(world.ranges(index), 0.0)
+        self._ranges.send(world.ranges(self._scans), 0.0)
+        self._scans += 1
         if not world.camera_on:
             return
         frame = FrameId(

@@ -28,15 +28,16 @@ def serve(context: ServiceContext[TrackerServiceSettings]) -> None:
             continue
         context.statistics.input(arrival.arrived_s)
         started_s = time.monotonic()
-        try:
-            tracks = tracker.update(received.message)
-        except MessageError as error:
-            judge.refuse(arrival, error)
-            continue
-        now_s = time.monotonic()
-        out.send(tracks, received.age_s(now_s))
-        context.statistics.output(now_s, now_s - started_s, received.age_s(now_s))
-        tracker.settle()
+        with context.surviving("tracking"):
+            try:
+                tracks = tracker.update(received.message)
+            except MessageError as error:
+                judge.refuse(arrival, error)
+                continue
+            now_s = time.monotonic()
+            out.send(tracks, received.age_s(now_s))
+            context.statistics.output(now_s, now_s - started_s, received.age_s(now_s))
+            tracker.settle()
 
 
 def run(loaded: Loaded[TrackerServiceSettings]) -> int:

@@ -90,6 +90,9 @@ class WebService:
             if arrival is not None:
                 self._take(arrival)
             now_s = time.monotonic()
+            if (end := self._images.ended(now_s)) is not None:
+                self._board.end(end)
+                self._context.log.info("stream ended after %d frames: %s", end.frames, end.reason)
             self._show(self._joiner.due(now_s))
             if now_s >= self._status_due_s:
                 self.tick(now_s)
@@ -148,10 +151,7 @@ class WebService:
 
     def _take_image(self, arrival: Arrival) -> None:
         if arrival.encoding == EndOfStream.encoding():
-            end = self._images.end(arrival)
-            if end is not None:
-                self._board.end(end)
-                self._context.log.info("stream ended after %d frames: %s", end.frames, end.reason)
+            self._images.ending(arrival)
             return
         header = self._images.header(arrival)
         if header is None:

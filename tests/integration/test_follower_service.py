@@ -69,7 +69,7 @@ class Robot:
             self.seq += 1
             self.put(keys.tracks("front"), tracks(*self.people, seq=self.seq))
             for key, message in beside:
-                self.put(key, message)
+                self.put(key, message.model_copy(update={"seq": self.seq}))
             time.sleep(_PERIOD_S)
             return bool(self.states) and condition(self.states[-1])
 

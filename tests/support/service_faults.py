@@ -23,6 +23,7 @@ from schemas import (
     Odometry,
     Pointed,
     Ranges,
+    RangeSector,
     Stamp,
     Tracks,
     decode,
@@ -80,6 +81,7 @@ def good_messages(seq: int) -> dict[str, Put]:
     standing = Odometry(
         seq=seq, x_m=0.0, y_m=0.0, heading_rad=0.0, linear_mps=0.0, angular_radps=0.0
     )
+    ahead = RangeSector(bearing_rad=0.0, width_rad=0.2, distance_m=5.0)
     return {
         "detector tracks": good_message(seen["detector"], keys.tracks("detector")),
         "detector pointed": good_message(pointed, keys.FOLLOW_POINTED, stamped=False),
@@ -89,7 +91,7 @@ def good_messages(seq: int) -> dict[str, Put]:
         "follower estop": good_message(released, keys.FOLLOW_ESTOP, stamped=False),
         "follower info": good_message(info, keys.info("follower"), stamped=False),
         "follower odometry": good_message(standing, keys.ROBOT_ODOMETRY),
-        "follower ranges": good_message(Ranges(seq=seq, sectors=()), keys.ROBOT_RANGE),
+        "follower ranges": good_message(Ranges(seq=seq, sectors=(ahead,)), keys.ROBOT_RANGE),
     }
 
 

@@ -6,11 +6,29 @@ import logging
 
 import pytest
 
-from schemas import EndOfStream, Header, Message, Progress, Stamp, Tracks, encode
+from schemas import (
+    EndOfStream,
+    Header,
+    Message,
+    Progress,
+    Ranges,
+    RangeSector,
+    Stamp,
+    Taken,
+    Tracks,
+    encode,
+)
 from services.runtime import qos
 from services.runtime.counters import ServiceStatistics
+from services.runtime.inbox import Arrival
 from services.runtime.logs import OncePerSecond
-from services.runtime.streams import PRODUCER_STALE_S, ProducerGate, SequenceWatch, StreamJudge
+from services.runtime.streams import (
+    END_HOLD_S,
+    PRODUCER_STALE_S,
+    ProducerGate,
+    Received,
+    StreamJudge,
+)
 from tests.support.arrivals import PRODUCER, arrival, arrival_of, frame
 
 _RIVAL = "tracker/other@00000002"
@@ -68,41 +86,6 @@ def test_endless_new_producers_do_not_fill_the_memory() -> None:
     for number in range(1000):
         gate.accepts(f"p{number}", 0.0)
     assert len(gate.rivals(0.0)) <= 16
-
-
-@pytest.mark.parametrize(
-    ("seqs", "fresh", "missing"),
-    [
-        ([0, 1, 2], [True, True, True], 0),
-        ([5, 6], [True, True], 0),
-        ([0, 3, 4], [True, True, True], 2),
-        ([0, 0, 1], [True, False, True], 0),
-        ([4, 2, 3, 5], [True, False, False, True], 0),
-        ([0, 10, 1, 11], [True, True, False, True], 9),
-    ],
-)
-def test_sequence_gaps_are_counted_and_old_frames_refused(
-    seqs: list[int], fresh: list[bool], missing: int
-) -> None:
-    watch = SequenceWatch()
-    assert [watch.fresh(frame(seq)) for seq in seqs] == fresh
-    assert watch.missing == missing
-
-
-def test_a_new_epoch_starts_over_without_gap() -> None:
-    watch = SequenceWatch()
-    assert watch.fresh(frame(100, epoch=1))
-    assert watch.fresh(frame(0, epoch=2))
-    assert watch.fresh(frame(7, epoch=3))
-    assert watch.missing == 0
-
-
-def test_absurd_gaps_never_exceed_what_health_can_carry() -> None:
-    watch = SequenceWatch()
-    for epoch in range(4):
-        watch.fresh(frame(0, epoch))
-        watch.fresh(frame(1, epoch).model_copy(update={"seq": 2**63 - 1}))
-    assert watch.missing == 2**63 - 1
 
 
 def test_good_messages_are_received_with_stamp_and_age(judge: StreamJudge) -> None:
@@ -228,3 +211,106 @@ def test_messages_without_a_frame_are_not_judged_by_sequence(judge: StreamJudge)
     progress: Message = Progress(stream="front", epoch=1, seq=0)
     for _ in range(2):
         assert judge.message(arrival_of(progress), Progress) is not None
+
+
+def ranges(seq: int, distance_m: float = 2.0) -> Ranges:
+    ahead = RangeSector(bearing_rad=0.0, width_rad=0.2, distance_m=distance_m)
+    return Ranges(seq=seq, sectors=(ahead,))
+
+
+def test_measurements_have_one_producer_and_count_up(judge: StreamJudge) -> None:
+    assert judge.message(arrival_of(ranges(7), 0.0), Ranges) is not None
+    assert judge.message(arrival_of(ranges(900), 0.1, _RIVAL), Ranges) is None
+    assert judge.message(arrival_of(ranges(8), 0.2), Ranges) is not None
+    assert judge.message(arrival_of(ranges(8), 0.3), Ranges) is None, "the same again"
+    assert "two producers" in judge.statistics.problems()[0]
+
+
+def test_beacons_count_within_their_epoch(judge: StreamJudge) -> None:
+    def beacon(seq: int) -> Taken:
+        return Taken(stream="front", epoch=5, seq=seq, clock="c", monotonic_ns=1)
+
+    assert judge.message(arrival_of(beacon(3)), Taken) is not None
+    assert judge.message(arrival_of(beacon(3)), Taken) is None
+    assert judge.watch.line == 5
+
+
+def test_messages_may_be_left_to_the_caller_to_judge(judge: StreamJudge) -> None:
+    for producer in (PRODUCER, _RIVAL):
+        assert judge.message(arrival_of(ranges(1), 0.0, producer), Ranges, False) is not None
+    assert judge.gate.current is None
+
+
+def test_nothing_but_refused_messages_is_a_problem_until_one_is_good_or_none_comes(
+    judge: StreamJudge,
+) -> None:
+    for seq in (0, 1):
+        judge.message(arrival_of(tracks(seq), 0.1 * seq), Tracks)
+    for step in range(8):
+        judge.message(arrival_of(tracks(0), 0.2 + step * 0.1), Tracks)
+    (problem,) = judge.statistics.problems(1.0)
+    assert problem.startswith("cam/front/tracks: every message is refused: tracker/main@00000001: ")
+    assert judge.statistics.problems(10.0) == []
+    judge.message(arrival_of(tracks(0), 11.0), Tracks)
+    judge.message(arrival_of(tracks(2), 11.1), Tracks)
+    assert judge.statistics.problems(11.1) == []
+
+
+def test_what_cannot_be_read_is_told_unless_a_rival_sent_it(judge: StreamJudge) -> None:
+    judge.message(arrival_of(ranges(0), 0.0), Ranges)
+    assert judge.unreadable == ""
+    for producer, told in ((PRODUCER, True), (_RIVAL, False)):
+        stamp = encode(Stamp(producer=producer, t_sent_ns=0, age_ns=0))
+        assert judge.message(arrival(b"\xc1", Ranges.encoding(), stamp, 0.1), Ranges) is None
+        assert bool(judge.unreadable) == told
+    assert judge.message(arrival(b"\xc1", Ranges.encoding(), None, 0.1), Ranges) is None
+    assert judge.unreadable.startswith("stamp: not msgpack")
+
+
+def end_of(frames: int, epoch: int = 1, arrived_s: float = 0.1) -> Arrival:
+    end = EndOfStream(stream="front", epoch=epoch, frames=frames, reason="end")
+    return arrival(encode(end), end.encoding(), None, arrived_s)
+
+
+@pytest.mark.parametrize(("frames", "epoch"), [(3, 1), (0, 1), (4, 2), (2**63 - 1, 5)])
+def test_an_end_of_another_epoch_or_from_before_the_last_frame_is_refused(
+    frames: int, epoch: int, judge: StreamJudge
+) -> None:
+    for seq in range(4):
+        judge.message(arrival_of(tracks(seq), 0.0), Tracks)
+    judge.ending(end_of(frames, epoch))
+    assert judge.ended(99.0) is None
+    assert judge.statistics.malformed == 1
+
+
+def test_an_end_holds_once_nothing_has_followed_it(judge: StreamJudge) -> None:
+    judge.message(arrival_of(tracks(0), 0.0), Tracks)
+    judge.ending(end_of(1))
+    assert judge.ended(0.1 + 0.9 * END_HOLD_S) is None
+    end = judge.ended(0.1 + END_HOLD_S)
+    assert end is not None
+    assert end.frames == 1
+    assert judge.ended(9.0) is None, "once"
+
+
+def test_an_end_that_frames_follow_was_somebody_elses(
+    judge: StreamJudge, caplog: pytest.LogCaptureFixture
+) -> None:
+    judge.message(arrival_of(tracks(0), 0.0), Tracks)
+    judge.ending(end_of(1))
+    judge.message(arrival_of(tracks(1), 0.14), Tracks)
+    assert judge.ended(9.0) is None
+    assert "is not believed" in caplog.text
+
+
+def test_without_loss_an_end_holds_at_once(judge: StreamJudge) -> None:
+    lossless = StreamJudge("tracks", qos.TRACKS, judge.statistics, judge.warn, live=False)
+    lossless.ending(end_of(0))
+    assert lossless.ended(0.1) is not None
+
+
+def test_a_frame_is_no_younger_than_the_time_since_it_was_taken() -> None:
+    stamp = Stamp(producer=PRODUCER, t_sent_ns=0, age_ns=50_000_000)
+    assert Received(tracks(0), stamp, 10.0).age_s(10.1) == pytest.approx(0.15)
+    assert Received(tracks(0), stamp, 10.0, 9.0).age_s(10.1) == pytest.approx(1.1)
+    assert Received(tracks(0), stamp, 10.0, 10.09).age_s(10.1) == pytest.approx(0.15)

@@ -21,6 +21,7 @@ from schemas import (
     MotionCommand,
     Patch,
     Progress,
+    Ranges,
     Stamp,
     Tracks,
     decode,
@@ -172,10 +173,26 @@ def test_patch_pixels_survive_packing() -> None:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf], ids=str)
 def test_nan_and_infinity_are_refused_in_every_number(bad: float) -> None:
-    """Also in nested parts: every float of every example is replaced in turn."""
+    """Also in nested parts: every float of every example is replaced in turn, but for ranges."""
     for example in EXAMPLES:
         for poisoned in _poisoned(fields_of(example), bad):
-            assert isinstance(outcome(type(example), msgpack.packb(poisoned)), MessageError)
+            answer = outcome(type(example), msgpack.packb(poisoned))
+            if isinstance(answer, Ranges):
+                odd = [s.distance_m for s in answer.sectors if not math.isfinite(s.distance_m)]
+                assert [math.isnan(distance_m) for distance_m in odd] == [math.isnan(bad)]
+            else:
+                assert isinstance(answer, MessageError)
+
+
+def test_infinity_and_nan_are_ranges_and_nothing_else_of_a_sector() -> None:
+    """REP 117 of ROS: inf is nothing there, -inf too near, nan not measured."""
+    for bad in (math.nan, math.inf, -math.inf):
+        sector = {"bearing_rad": 0.5, "width_rad": 0.1, "distance_m": bad}
+        message = {"v": 1, "seq": 0, "sectors": [sector]}
+        assert isinstance(outcome(Ranges, msgpack.packb(message)), Ranges)
+        for name in ("bearing_rad", "width_rad"):
+            poisoned = message | {"sectors": [sector | {"distance_m": 1.0, name: bad}]}
+            assert isinstance(outcome(Ranges, msgpack.packb(poisoned)), MessageError)
 
 
 def _poisoned(value: Any, bad: float) -> list[Any]:
