@@ -14,8 +14,8 @@ from pathlib import Path
 
 from schemas.errors import HeelError, SettingsError
 from services.runtime.logs import printable
+from services.runtime.shared_memory import SHARED_MEMORY, Sweeper
 
-_SHARED_MEMORY = Path("/dev/shm")
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 _REAP_S = 5.0
 
@@ -43,6 +43,7 @@ def guarded(work: Callable[[], None]) -> int:
         signal.signal(number, lambda n, _frame: _forward(pid, n))
     _, status = os.waitpid(pid, 0)
     _reap_orphans()
+    Sweeper().sweep(time.monotonic(), grace_s=0.0)
     remove_orphaned_segments()
     code = os.waitstatus_to_exitcode(status)
     if code < 0:
@@ -92,7 +93,7 @@ def _reap_orphans() -> None:
             signal.sigtimedwait({signal.SIGCHLD}, remaining_s)
 
 
-def remove_orphaned_segments(folder: Path = _SHARED_MEMORY) -> int:
+def remove_orphaned_segments(folder: Path = SHARED_MEMORY) -> int:
     """Delete Zenoh's shared memory segments that no living process holds; returns how many.
 
     Zenoh keeps a file lock on every segment in use and removes the unlocked ones itself, but only

@@ -7,6 +7,8 @@ import logging
 import zenoh
 from zenoh.shm import GarbageCollect, JustAlloc, ShmProvider, ZShmMut
 
+from services.runtime.shared_memory import OWN
+
 _BOOKKEEPING_BYTES = 4096
 """What Zenoh needs of a pool for itself; without it the last buffer is missing (measured)."""
 
@@ -39,7 +41,8 @@ class FrameMemory:
         self._buffer_bytes = max(frame_bytes, 2 * self._buffer_bytes)
         size = self._frames * self._buffer_bytes + _BOOKKEEPING_BYTES
         try:
-            self._pools.append(ShmProvider.default_backend(size))
+            with OWN.claiming():
+                self._pools.append(ShmProvider.default_backend(size))
         except zenoh.ZError as error:
             self._log.warning(
                 "no %d bytes of shared memory for frames: they go through sockets; raise the limit "

@@ -15,6 +15,7 @@ from services.runtime.chain import CHAIN, MISSING
 from services.runtime.counters import ServiceStatistics
 from services.runtime.health_file import HealthFile
 from services.runtime.presence import Presence
+from services.runtime.shared_memory import SharedMemoryWatch
 
 PERIOD_S = 0.25
 """So that silence is seen within a second; a message costs its sender half a millisecond."""
@@ -41,9 +42,10 @@ class HealthReporter(threading.Thread):
         log: logging.Logger,
         file: HealthFile | None = None,
         presence: Presence | None = None,
+        memory: SharedMemoryWatch | None = None,
     ) -> None:
         super().__init__(name="health", daemon=True)
-        self._file, self._presence = file, presence
+        self._file, self._presence, self._memory = file, presence, memory
         self._service, self._instance, self._producer = service, instance, producer
         self._statistics = statistics
         self._log = log
@@ -59,6 +61,8 @@ class HealthReporter(threading.Thread):
     def run(self) -> None:
         """Publish until `finish`."""
         while not self._finishing.wait(PERIOD_S):
+            if self._memory is not None:
+                self._memory.look(time.monotonic())
             self._send(self.compose(time.monotonic()))
 
     def finish(self) -> None:

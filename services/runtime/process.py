@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import fcntl
 import functools
 import gc
 import logging
@@ -15,6 +14,8 @@ from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from typing import NoReturn
+
+from services.runtime.shared_memory import remove_own_segments
 
 _PR_SET_PDEATHSIG = 1
 PARENT_VARIABLE = "HEEL_PARENT_PID"
@@ -37,6 +38,17 @@ def keep_freed_memory() -> None:
         libc.mallopt(_M_MMAP_THRESHOLD, 32 << 20)
     except (OSError, AttributeError):
         return
+
+
+def use_all_file_descriptors() -> None:
+    """Raise the soft limit on open files to the hard one.
+
+    Each restart of a sender costs its receivers three descriptors (see `shared_memory`), and each
+    connection to a router one; the usual soft limit of 1,024 is there for programs that `select`.
+    """
+    with suppress(OSError, ValueError):
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
 def spare_from_collection() -> None:
@@ -76,7 +88,7 @@ def leave(code: int) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
-    remove_shared_memory()
+    remove_own_segments()
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).exit(code)
     os._exit(code)
@@ -100,22 +112,6 @@ def _may_ignore_limit() -> bool:
             if name == "CapEff":
                 return bool(int(rest, 16) >> _CAP_IPC_LOCK & 1)
     return False
-
-
-def remove_shared_memory(folder: str = "/dev/shm/") -> None:
-    """Delete the Zenoh segments that nobody but this process, which is about to end, holds.
-
-    Zenoh leaves its pools and their index behind and removes them when the next session on the
-    machine starts. Everybody who maps a segment keeps a shared lock on its file: ours can only be
-    made exclusive by the last one. Whoever goes before leaves the segment to the others.
-    """
-    with suppress(OSError):
-        for descriptor in os.listdir("/proc/self/fd"):
-            with suppress(OSError):
-                segment = os.readlink(f"/proc/self/fd/{descriptor}")
-                if segment.startswith(folder) and segment.endswith(".zenoh"):
-                    fcntl.flock(int(descriptor), fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    os.unlink(segment)
 
 
 def cpu_s() -> float:

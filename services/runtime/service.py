@@ -34,8 +34,14 @@ from services.runtime.logs import OncePerSecond, set_up_logging
 from services.runtime.presence import Presence
 from services.runtime.publishing import StreamPublisher
 from services.runtime.qos import TopicQos
-from services.runtime.session import LOG_FILTER, open_session
+from services.runtime.session import (
+    LOG_FILTER,
+    POOL_BYTES,
+    open_session,
+    with_usable_shared_memory,
+)
 from services.runtime.settings import Loaded, ServiceSettings
+from services.runtime.shared_memory import SharedMemoryWatch
 from services.runtime.streams import StreamJudge
 
 EXIT_DEADLINE_S = 1.7
@@ -179,11 +185,14 @@ def run_service(name: str, loaded: Loaded[S], main: Callable[[ServiceContext[S]]
     """
     log = set_up_logging(loaded.log, name)
     process.keep_freed_memory()
+    process.use_all_file_descriptors()
     zenoh.init_log_from_env_or(LOG_FILTER)
     with stop_signals() as stop:
         process.die_with_parent()
         try:
-            session = open_session(loaded.zenoh, log, stop.wait)
+            joining = with_usable_shared_memory(loaded.zenoh, log)
+            loaded = loaded.model_copy(update={"zenoh": joining})
+            session = open_session(joining, log, stop.wait)
             if session is not None:
                 with session:
                     _serve(name, loaded, session, stop, log, main)
@@ -210,8 +219,9 @@ def _serve(
         presence = Presence(session)
         stack.callback(presence.close)
         statistics.details[CAMERA] = settings.camera
+        memory = SharedMemoryWatch(POOL_BYTES, statistics) if loaded.zenoh.shared_memory else None
         health = HealthReporter(
-            session, name, settings.instance, producer, statistics, log, file, presence
+            session, name, settings.instance, producer, statistics, log, file, presence, memory
         )
         stack.callback(health.finish)
         inbox = stack.enter_context(Inbox(session))
@@ -225,10 +235,8 @@ def _serve(
         health.start()
         context = ServiceContext(
             name, settings, session, inbox, statistics, log, producer,
-            loaded.zenoh.shared_memory and process.may_lock_memory(), stop, announce,
+            loaded.zenoh.shared_memory, stop, announce,
         )  # fmt: skip
-        if loaded.zenoh.shared_memory and not context.shared_memory:
-            log.info("no shared memory: this user may lock too little (ulimit -l); using sockets")
         main(context)
         log.info("%s ends: received %d, sent %d, dropped %d, malformed %d", producer,
                  statistics.received, statistics.sent, statistics.dropped,

@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import logging
 import re
+import secrets
 import time
 from collections.abc import Callable
 
 import zenoh
+from zenoh.shm import JustAlloc, ShmProvider
 
 from schemas.errors import HeelError, SettingsError
 from services.runtime.process import may_lock_memory
 from services.runtime.settings import ZenohSettings
+from services.runtime.shared_memory import OWN, SHARED_MEMORY, full_share
 
 QUERY_TIMEOUT_S = 2.0
 _RETRY_PERIOD_S = 0.2
@@ -20,11 +23,15 @@ _RETRY_PERIOD_S = 0.2
 # (340 ms -> 32 ms at 20 Mbit/s) and costs nothing visible on a fast one.
 _SEND_BUFFER = "so_sndbuf=32768"
 LEASE_MS = 3000
+MAX_MESSAGE_BYTES = 16 << 20
+"""What a process takes off the wire at most, whatever the topic: twice the largest image. Zenoh's
+own bound is 1 GiB, which one message of 900 MB took of the router and of every receiver."""
 LOG_FILTER = "error,zenoh_transport::unicast::establishment::open=off"
 """What Zenoh may log of itself, to standard output. A refused connection is ours to report: Zenoh
 would do so at every attempt, five times a second."""
-_POOL_BYTES = 4 << 20
-"""Shared memory for results; frames have a pool of their own (`frame_memory`). Zenoh's 16 MiB are
+POOL_BYTES = (4 << 20) + 8 * secrets.randbelow(1 << 17)
+"""Shared memory for results, 4 to 5 MiB: by its very size it is told from other processes' pools
+(`shared_memory.Ledger`); frames have a pool of their own (`frame_memory`). Zenoh's 16 MiB are
 locked in every process that sends and mapped by every one that receives, 20 ms each the first time
 and 12 MB more of each (measured)."""
 _ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws|serial|vsock|unixpipe|unixsock-stream)/\S+")
@@ -63,10 +70,11 @@ def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
         ("scouting/multicast/enabled", False),
         ("queries_default_timeout", int(QUERY_TIMEOUT_S * 1000)),
         ("transport/link/tx/lease", LEASE_MS),
+        ("transport/link/rx/max_message_size", MAX_MESSAGE_BYTES),
         ("transport/shared_memory/enabled", settings.shared_memory and may_lock_memory()),
         # Large queries may hang on the shared memory path (zenoh issue 2628).
         ("transport/shared_memory/transport_optimization/messages", ["put"]),
-        ("transport/shared_memory/transport_optimization/pool_size", _POOL_BYTES),
+        ("transport/shared_memory/transport_optimization/pool_size", POOL_BYTES),
     ]
     if settings.listen:
         entries.append(("listen/endpoints", list(settings.listen)))
@@ -90,6 +98,36 @@ def _bounded(endpoint: str) -> str:
 
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())[:300]
+
+
+def with_usable_shared_memory(settings: ZenohSettings, log: logging.Logger) -> ZenohSettings:
+    """The settings, without shared memory where this process cannot have it; that is logged."""
+    if not settings.shared_memory:
+        return settings
+    if not may_lock_memory():
+        # The rule for ordinary users, and nothing is wrong with it.
+        log.info("no shared memory: this user may lock too little (ulimit -l); using sockets")
+    elif (reason := why_no_shared_memory()) is None:
+        return settings
+    else:
+        log.warning("no shared memory: %s; using sockets", reason)
+    return settings.model_copy(update={"shared_memory": False})
+
+
+def why_no_shared_memory() -> str | None:
+    """Why shared memory cannot be used, None if it can; makes Zenoh take its index of it.
+
+    Zenoh takes the index with the first large message, in a thread of its own: where `/dev/shm` was
+    full by then, the thread of a router panicked and no frame passed any more (measured).
+    """
+    try:
+        with OWN.claiming():
+            ShmProvider.default_backend(8192).alloc(1, JustAlloc())
+    except zenoh.ZError as error:
+        share = full_share()
+        full = "missing" if share is None else f"{share:.0%} full"
+        return f"{SHARED_MEMORY} is {full}: make it larger ({_one_line(error)})"
+    return None
 
 
 def open_session(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.process import remove_shared_memory
+from services.runtime.shared_memory import remove_own_segments
 
 HOLDER = """
 import fcntl, sys
@@ -53,16 +53,16 @@ def segment(tmp_path: Path) -> Path:
 
 def test_a_segment_that_only_we_hold_goes(segment: Path) -> None:
     with held_here(segment):
-        remove_shared_memory(f"{segment.parent}/")
+        remove_own_segments(segment.parent)
     assert not segment.exists()
 
 
 def test_a_segment_that_another_process_holds_stays_until_that_one_ends(segment: Path) -> None:
     with held_here(segment), held_elsewhere(segment):
-        remove_shared_memory(f"{segment.parent}/")
+        remove_own_segments(segment.parent)
         assert segment.exists()
     with held_here(segment):
-        remove_shared_memory(f"{segment.parent}/")
+        remove_own_segments(segment.parent)
     assert not segment.exists()
 
 
@@ -70,7 +70,7 @@ def test_segments_that_we_do_not_hold_and_other_files_stay(segment: Path, tmp_pa
     other = tmp_path / "notes.txt"
     other.write_bytes(b"")
     with held_here(other):
-        remove_shared_memory(f"{tmp_path}/")
+        remove_own_segments(tmp_path)
     assert segment.exists()
     assert other.exists()
 
@@ -78,4 +78,4 @@ def test_segments_that_we_do_not_hold_and_other_files_stay(segment: Path, tmp_pa
 def test_a_segment_that_is_gone_already_is_no_error(segment: Path) -> None:
     with held_here(segment):
         segment.unlink()
-        remove_shared_memory(f"{segment.parent}/")
+        remove_own_segments(segment.parent)
