@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import os
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -17,7 +18,13 @@ from pydantic.fields import FieldInfo
 from schemas.errors import HeelError, SettingsError
 from services.runtime.logs import printable
 from services.runtime.process import leave
-from services.runtime.settings import Loaded, LogSettings, ZenohSettings, load_settings
+from services.runtime.settings import (
+    ENVIRONMENT_PREFIX,
+    Loaded,
+    LogSettings,
+    ZenohSettings,
+    load_settings,
+)
 
 S = TypeVar("S", bound=BaseModel)
 _SHARED: dict[str, type[BaseModel]] = {"zenoh": ZenohSettings, "log": LogSettings}
@@ -158,8 +165,29 @@ def run_app(app: typer.Typer) -> None:
         sys.exit(0)
 
 
+def hide_password() -> None:
+    """Start this process anew with `--password` in its environment instead of on its command line.
+
+    Everybody on the machine can read a command line in `ps`, and only the same user an environment.
+    It is to be seen until here, for the time that Python takes to start.
+    """
+    kept, arguments = [], list(sys.orig_argv[1:])
+    password = None
+    while arguments:
+        argument = arguments.pop(0)
+        name, given, value = argument.partition("=")
+        if name == "--password" and (given or arguments):
+            password = value if given else arguments.pop(0)
+        else:
+            kept.append(argument)
+    if password is not None:
+        os.environ[f"{ENVIRONMENT_PREFIX}ZENOH__PASSWORD"] = password
+        os.execv(sys.executable, [sys.executable, *kept])
+
+
 def run_process(app: typer.Typer) -> NoReturn:
     """`run_app` as all that this process is for: it ends with the command."""
+    hide_password()
     try:
         run_app(app)
     except SystemExit as ended:

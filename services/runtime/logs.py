@@ -11,6 +11,7 @@ import json
 import logging
 import sys
 import time
+from typing import IO
 
 from services.runtime.settings import LogSettings
 
@@ -108,11 +109,14 @@ class FloodGuard(logging.Filter):
         return True
 
 
-def set_up_logging(settings: LogSettings, service: str) -> logging.Logger:
-    """Send every logger to standard error and return the service's own."""
-    handler = logging.StreamHandler(sys.stderr)
+def set_up_logging(
+    settings: LogSettings, service: str, stream: IO[str] | None = None
+) -> logging.Logger:
+    """Send every logger to standard error, or a stream in its place; returns the service's own."""
+    stream = stream or sys.stderr
+    handler = logging.StreamHandler(stream)
     handler.addFilter(FloodGuard())
-    as_text = settings.format == "text" or (settings.format == "auto" and sys.stderr.isatty())
+    as_text = settings.format == "text" or (settings.format == "auto" and stream.isatty())
     handler.setFormatter(TextLines() if as_text else JsonLines())
     root = logging.getLogger()
     root.handlers[:] = [handler]

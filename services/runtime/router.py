@@ -6,6 +6,9 @@ import ipaddress
 import json
 import logging
 import socket
+import stat
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,13 +18,32 @@ from pydantic import Field
 
 from schemas.errors import HeelError, SettingsError
 from services.runtime.logs import set_up_logging
-from services.runtime.process import die_with_parent, may_lock_memory
+from services.runtime.process import (
+    die_with_parent,
+    may_lock_memory,
+    use_all_file_descriptors,
+)
+from services.runtime.router_log import ZENOH_FILTER, RouterLog, reading_output, standard_error
 from services.runtime.service import stop_signals
-from services.runtime.session import LEASE_MS, QUERY_TIMEOUT_S
+from services.runtime.session import (
+    LEASE_MS,
+    MAX_MESSAGE_BYTES,
+    POOL_BYTES,
+    QUERY_TIMEOUT_S,
+    check_endpoints,
+    one_line,
+    start_zenoh_log,
+    why_no_shared_memory,
+)
 from services.runtime.settings import Endpoints, Loaded, StrictSettings
+from services.runtime.shared_memory import OWN, Sweeper
 
 _LOOPBACK_NAMES = {"localhost", "ip6-localhost"}
 _PORT_ATTEMPTS = 5
+_GREETING_MS, _MOST_GREETINGS = 2000, 1000
+"""Connections that say nothing are closed after so long, and so many are greeted at once: with
+Zenoh's 10 s and 100, three thousand idle ones kept a known user out (measured)."""
+_SWEEP_PERIOD_S = 1.0
 
 
 class RouterSettings(StrictSettings):
@@ -48,37 +70,93 @@ def router_config(settings: RouterSettings) -> zenoh.Config:
     Raises:
         SettingsError: it would listen beyond loopback unauthenticated, or Zenoh refuses it.
     """
-    authenticated = settings.users_file is not None or settings.config_file is not None
+    check_endpoints(settings.listen, "router")
+    if settings.users_file is not None:
+        check_users_file(settings.users_file)
+    base = _base_config(settings.config_file)
+    authenticated = settings.users_file is not None or _authenticates(base)
     for endpoint in settings.listen:
         if not (authenticated or settings.insecure or is_loopback(endpoint)):
-            raise SettingsError(
-                f"router: {endpoint} is open to the network without authentication: give "
-                "--users-file or --config-file (TLS), or say --insecure if that is meant"
-            )
+            raise SettingsError(f"router: {endpoint} is open to the network without authentication"
+                                f"{_remedy(settings)}")  # fmt: skip
     entries: list[tuple[str, object]] = [
         ("mode", "router"),
         ("listen/endpoints", list(settings.listen)),
         ("scouting/multicast/enabled", False),
         ("queries_default_timeout", int(QUERY_TIMEOUT_S * 1000)),
         ("transport/link/tx/lease", LEASE_MS),
+        ("transport/link/rx/max_message_size", MAX_MESSAGE_BYTES),
+        ("transport/unicast/accept_timeout", _GREETING_MS),
+        ("transport/unicast/accept_pending", _MOST_GREETINGS),
         ("transport/shared_memory/enabled", settings.shared_memory and may_lock_memory()),
         ("transport/shared_memory/transport_optimization/messages", ["put"]),
+        ("transport/shared_memory/transport_optimization/pool_size", POOL_BYTES),
     ]
     if settings.users_file is not None:
-        if not settings.users_file.is_file():
-            raise SettingsError(f"router: users file {settings.users_file} does not exist")
         entries.append(("transport/auth/usrpwd/dictionary_file", str(settings.users_file)))
     try:
-        config = (
-            zenoh.Config()
-            if settings.config_file is None
-            else zenoh.Config.from_file(str(settings.config_file))
-        )
         for path, value in entries:
-            config.insert_json5(path, json.dumps(value))
+            base.insert_json5(path, json.dumps(value))
     except zenoh.ZError as error:
-        raise SettingsError(f"router: {' '.join(str(error).split())[:300]}") from None
-    return config
+        raise SettingsError(f"router: {one_line(error)}") from None
+    return base
+
+
+def check_users_file(file: Path) -> None:
+    """Refuse a users file that lets in everybody, or whom nobody meant.
+
+    Zenoh asks nobody for a password if the file names no user.
+
+    Raises:
+        SettingsError: it cannot be read, others may write it, a line is not `user:password`, or
+            there is none.
+    """
+    try:
+        mode = file.stat().st_mode
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingsError(f"router: users file {file}: {error}") from None
+    if mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise SettingsError(f"router: others may write users file {file}: chmod 600 {file}")
+    if not any(line.strip() for line in lines):
+        raise SettingsError(
+            f"router: users file {file} names nobody, and would let in everybody: write a line "
+            "`user:password`"
+        )
+    for number, line in enumerate(lines, start=1):
+        user, _, password = line.strip().partition(":")
+        if line.strip() and not (user.strip() and password.strip()):
+            raise SettingsError(
+                f"router: users file {file}, line {number}: write `user:password`, nothing else"
+            )
+
+
+def _base_config(file: Path | None) -> zenoh.Config:
+    try:
+        return zenoh.Config() if file is None else zenoh.Config.from_file(str(file))
+    except zenoh.ZError as error:
+        raise SettingsError(f"router: config file {file}: {one_line(error)}") from None
+
+
+def _authenticates(config: zenoh.Config) -> bool:
+    """Whether a configuration tells clients apart: users, certificates of clients, or rules."""
+    users = json.loads(config.get_json("transport/auth/usrpwd"))["dictionary_file"]
+    if users:
+        check_users_file(Path(users))
+    keys = json.loads(config.get_json("transport/auth/pubkey"))
+    rules = json.loads(config.get_json("access_control"))
+    certificates = json.loads(config.get_json("transport/link/tls"))["enable_mtls"]
+    ruled = rules["enabled"] and rules["default_permission"] == "deny" and rules["subjects"]
+    return bool(users or keys["known_keys_file"] or certificates or ruled)
+
+
+def _remedy(settings: RouterSettings) -> str:
+    if settings.config_file is None:
+        return ": give --users-file or --config-file (TLS), or say --insecure if that is meant"
+    return (
+        f": {settings.config_file} has neither users, nor certificates of clients (enable_mtls), "
+        "nor access rules that deny by default; or say --insecure if that is meant"
+    )
 
 
 def is_loopback(endpoint: str) -> bool:
@@ -108,7 +186,7 @@ def open_router(settings: RouterSettings) -> Iterator[zenoh.Session]:
     except zenoh.ZError as error:
         raise HeelError(
             f"router: cannot listen on {', '.join(settings.listen)}: the address is in use or not "
-            f"this machine's; choose another with --listen ({' '.join(str(error).split())[:200]})"
+            f"this machine's; choose another with --listen ({one_line(error)})"
         ) from None
     with session:
         yield session
@@ -136,20 +214,38 @@ def open_private_router(shared_memory: bool = True) -> Iterator[tuple[zenoh.Sess
 
 def run(loaded: Loaded[RouterSettings]) -> int:
     """Run a router until a signal; returns the exit code."""
-    log = set_up_logging(loaded.log, "router")
-    zenoh.init_log_from_env_or("error")
+    log = set_up_logging(loaded.log, "router", standard_error())
+    use_all_file_descriptors()
+    died = threading.Event()
     with stop_signals() as stop:
         die_with_parent()
-        try:
-            with open_router(loaded.service):
-                log.info("router listens on %s", ", ".join(loaded.service.listen))
-                if loaded.service.insecure:
-                    _warn_if_open(loaded.service, log)
-                stop.wait()
-        except HeelError as error:
-            log.error("%s", error)
-            return 2 if isinstance(error, SettingsError) else 1
-    return 0
+
+        def end_for_a_restart() -> None:
+            died.set()
+            stop.set()
+
+        with reading_output(RouterLog(log, end_for_a_restart)):
+            start_zenoh_log(ZENOH_FILTER)
+            try:
+                _serve(loaded.service, log, stop)
+            except HeelError as error:
+                log.error("%s", error)
+                return 2 if isinstance(error, SettingsError) else 1
+    return 1 if died.is_set() else 0
+
+
+def _serve(settings: RouterSettings, log: logging.Logger, stop: threading.Event) -> None:
+    if settings.shared_memory and may_lock_memory() and (reason := why_no_shared_memory()):
+        log.warning("no shared memory: %s; using sockets", reason)
+        settings = settings.model_copy(update={"shared_memory": False})
+    sweeper = Sweeper()
+    with open_router(settings):
+        log.info("router listens on %s", ", ".join(settings.listen))
+        if settings.insecure:
+            _warn_if_open(settings, log)
+        while not stop.wait(_SWEEP_PERIOD_S):
+            OWN.claim_by_size(POOL_BYTES)
+            sweeper.sweep(time.monotonic())
 
 
 def _warn_if_open(settings: RouterSettings, log: logging.Logger) -> None:

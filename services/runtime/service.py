@@ -35,9 +35,9 @@ from services.runtime.presence import Presence
 from services.runtime.publishing import StreamPublisher
 from services.runtime.qos import TopicQos
 from services.runtime.session import (
-    LOG_FILTER,
     POOL_BYTES,
     open_session,
+    start_zenoh_log,
     with_usable_shared_memory,
 )
 from services.runtime.settings import Loaded, ServiceSettings
@@ -186,7 +186,7 @@ def run_service(name: str, loaded: Loaded[S], main: Callable[[ServiceContext[S]]
     log = set_up_logging(loaded.log, name)
     process.keep_freed_memory()
     process.use_all_file_descriptors()
-    zenoh.init_log_from_env_or(LOG_FILTER)
+    start_zenoh_log()
     with stop_signals() as stop:
         process.die_with_parent()
         try:

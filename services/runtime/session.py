@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import re
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import zenoh
 from zenoh.shm import JustAlloc, ShmProvider
@@ -34,6 +35,7 @@ POOL_BYTES = (4 << 20) + 8 * secrets.randbelow(1 << 17)
 (`shared_memory.Ledger`); frames have a pool of their own (`frame_memory`). Zenoh's 16 MiB are
 locked in every process that sends and mapped by every one that receives, 20 ms each the first time
 and 12 MB more of each (measured)."""
+_ZENOH_SOURCE = re.compile(r"\s+at /\S+\.rs:\d+\.?")
 _ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws|serial|vsock|unixpipe|unixsock-stream)/\S+")
 
 
@@ -43,12 +45,7 @@ def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
     Raises:
         SettingsError: Zenoh refuses the configuration file or an endpoint.
     """
-    for endpoint in (*settings.connect, *settings.listen):
-        # Zenoh itself finds out when it connects, and again and again until the deadline.
-        if not _ENDPOINT.fullmatch(endpoint):
-            raise SettingsError(
-                f"zenoh: {endpoint[:80]!r} is not an endpoint: write one like tcp/127.0.0.1:7447"
-            )
+    check_endpoints((*settings.connect, *settings.listen), "zenoh")
     try:
         if settings.config_file is not None:
             config = zenoh.Config.from_file(str(settings.config_file))
@@ -57,7 +54,7 @@ def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
         for path, value in _entries(settings):
             config.insert_json5(path, json.dumps(value))
     except zenoh.ZError as error:
-        raise SettingsError(f"zenoh: {_one_line(error)}: check [zenoh] in the settings") from None
+        raise SettingsError(f"zenoh: {one_line(error)}: check [zenoh] in the settings") from None
     return config
 
 
@@ -84,9 +81,9 @@ def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
         entries.append(("listen/endpoints", ["tcp/127.0.0.1:0"]))
     if settings.namespace:
         entries.append(("namespace", settings.namespace))
-    if settings.user is not None and settings.password is not None:
+    if settings.user is not None:
         entries.append(("transport/auth/usrpwd/user", settings.user))
-        entries.append(("transport/auth/usrpwd/password", settings.password.get_secret_value()))
+        entries.append(("transport/auth/usrpwd/password", settings.secret()))
     return entries
 
 
@@ -96,8 +93,32 @@ def _bounded(endpoint: str) -> str:
     return f"{endpoint}#{_SEND_BUFFER}"
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:300]
+def one_line(error: Exception) -> str:
+    """What Zenoh says, without the places in its own source that it adds."""
+    return " ".join(_ZENOH_SOURCE.sub("", str(error)).split())[:300]
+
+
+def start_zenoh_log(default: str = LOG_FILTER) -> None:
+    """Let Zenoh log what `RUST_LOG` asks for, or `default`; never its configuration.
+
+    At level debug it writes that out whole, the password included.
+    """
+    if asked := os.environ.get("RUST_LOG"):
+        os.environ["RUST_LOG"] = f"{asked},zenoh::api::session=info"
+    zenoh.init_log_from_env_or(default)
+
+
+def check_endpoints(endpoints: Iterable[str], table: str) -> None:
+    """Refuse what is no endpoint: Zenoh finds out when it connects, again and again.
+
+    Raises:
+        SettingsError: names the first one that is none.
+    """
+    for endpoint in endpoints:
+        if not _ENDPOINT.fullmatch(endpoint):
+            raise SettingsError(
+                f"{table}: {endpoint[:80]!r} is not an endpoint: write one like tcp/127.0.0.1:7447"
+            )
 
 
 def with_usable_shared_memory(settings: ZenohSettings, log: logging.Logger) -> ZenohSettings:
@@ -126,7 +147,7 @@ def why_no_shared_memory() -> str | None:
     except zenoh.ZError as error:
         share = full_share()
         full = "missing" if share is None else f"{share:.0%} full"
-        return f"{SHARED_MEMORY} is {full}: make it larger ({_one_line(error)})"
+        return f"{SHARED_MEMORY} is {full}: make it larger ({one_line(error)})"
     return None
 
 
@@ -158,7 +179,7 @@ def open_session(
                 raise HeelError(
                     f"no Zenoh router at {where} within {settings.connect_timeout_s:g} s, or it "
                     "does not know the user: start one with `heel router`, name another with "
-                    f"--connect, or check user and password ({_one_line(error)})"
+                    f"--connect, or check user and password ({one_line(error)})"
                 ) from None
             if not told:
                 log.info("waiting for a router at %s", where)

@@ -97,16 +97,41 @@ class ZenohSettings(StrictSettings):
         10.0, ge=0, le=3600, description="seconds to wait for the router before giving up"
     )
     user: str | None = Field(None, description="user name, where the router asks for one")
-    password: SecretStr | None = Field(None, description="password of that user")
+    password: SecretStr | None = Field(
+        None, description="password of that user; better in a file or in HEEL_ZENOH__PASSWORD"
+    )
+    password_file: Path | None = Field(
+        None, description="file that holds the password of that user and nothing else"
+    )
     config_file: Path | None = Field(
         None, description="Zenoh JSON5 file loaded first, e.g. for TLS; the settings above win"
     )
 
     @model_validator(mode="after")
     def _user_has_password(self) -> Self:
-        if (self.user is None) != (self.password is None):
-            raise ValueError("user and password go together: give both or neither")
+        given = (self.password is not None) + (self.password_file is not None)
+        if given != (self.user is not None):
+            raise ValueError(
+                "user and password go together: give neither, or the user and one of password and "
+                "password_file"
+            )
         return self
+
+    def secret(self) -> str:
+        """The user's password; empty where there is no user.
+
+        Raises:
+            SettingsError: the file cannot be read or holds no password.
+        """
+        if self.password_file is None:
+            return "" if self.password is None else self.password.get_secret_value()
+        try:
+            secret = self.password_file.read_text(encoding="utf-8").strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise SettingsError(f"password file {self.password_file}: {error}") from None
+        if not secret:
+            raise SettingsError(f"password file {self.password_file} is empty")
+        return secret
 
 
 class LogSettings(StrictSettings):
