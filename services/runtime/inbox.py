@@ -85,17 +85,22 @@ class Inbox:
         self.overflowed.setdefault(topic, 0)
         subscriber = self._session.declare_subscriber(key, RingChannel(qos.capacity))
         thread = threading.Thread(
-            target=self._pump, args=(topic, subscriber), name=f"inbox-{topic}", daemon=True
+            target=self._pump, args=(topic, subscriber, qos.max_bytes), name=f"inbox-{topic}", daemon=True
         )
         self._pumps.append((subscriber, thread))
         thread.start()
 
-    def _pump(self, topic: str, subscriber: _Subscriber) -> None:
+    def _pump(self, topic: str, subscriber: _Subscriber, max_bytes: int) -> None:
         ring = self._rings[topic]
         # Iteration ends by itself when the subscriber is undeclared (measured).
         for sample in subscriber:
             arrival = Arrival(topic, str(sample.key_expr), sample, time.monotonic())
             with self._ready:
+                if arrival.size > max_bytes:
+                    # One is enough to say so: a ring of them would hold up to 1 GB.
+                    for older in [one for one in ring if one.size > max_bytes]:
+                        ring.remove(older)
+                        self.overflowed[topic] += 1
                 if len(ring) == ring.maxlen:
                     self.overflowed[topic] += 1
                 ring.append(arrival)

@@ -43,6 +43,11 @@ _PORT_ATTEMPTS = 5
 _GREETING_MS, _MOST_GREETINGS = 2000, 1000
 """Connections that say nothing are closed after so long, and so many are greeted at once: with
 Zenoh's 10 s and 100, three thousand idle ones kept a known user out (measured)."""
+_SMALL_QUERIES = {
+    "id": "small-queries", "messages": ["query"], "flows": ["ingress"], "key_exprs": ["**"],
+    "size_limit": 1 << 16,
+}  # fmt: skip
+"""Zenoh keeps up to 256 queries for who answers them; ours have less than 4 kB."""
 _SWEEP_PERIOD_S = 1.0
 
 
@@ -86,6 +91,7 @@ def router_config(settings: RouterSettings) -> zenoh.Config:
         ("queries_default_timeout", int(QUERY_TIMEOUT_S * 1000)),
         ("transport/link/tx/lease", LEASE_MS),
         ("transport/link/rx/max_message_size", MAX_MESSAGE_BYTES),
+        ("low_pass_filter", [_SMALL_QUERIES]),
         ("transport/unicast/accept_timeout", _GREETING_MS),
         ("transport/unicast/accept_pending", _MOST_GREETINGS),
         ("transport/shared_memory/enabled", settings.shared_memory and may_lock_memory()),
