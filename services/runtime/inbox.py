@@ -85,7 +85,10 @@ class Inbox:
         self.overflowed.setdefault(topic, 0)
         subscriber = self._session.declare_subscriber(key, RingChannel(qos.capacity))
         thread = threading.Thread(
-            target=self._pump, args=(topic, subscriber, qos.max_bytes), name=f"inbox-{topic}", daemon=True
+            target=self._pump,
+            args=(topic, subscriber, qos.max_bytes),
+            name=f"inbox-{topic}",
+            daemon=True,
         )
         self._pumps.append((subscriber, thread))
         thread.start()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import sys
 from pathlib import Path
 from typing import Literal
 
@@ -13,7 +15,7 @@ from pydantic import Field
 from typer.testing import CliRunner, Result
 
 from schemas.errors import HeelError, SettingsError
-from services.runtime.command_line import run_app, settings_command
+from services.runtime.command_line import hide_password, run_app, settings_command
 from services.runtime.settings import Endpoints, Loaded, StrictSettings
 
 
@@ -138,3 +140,34 @@ def test_heel_errors_become_one_line_and_an_exit_code(
         run_app(app)
     assert ended.value.code == code
     assert capsys.readouterr().err == f"heel: {error}\n"
+
+
+@pytest.mark.parametrize(
+    ("typed", "kept", "password"),
+    [
+        (["heel", "web", "--user", "u", "--password", "s3cret"],
+         ["heel", "web", "--user", "u"], "s3cret"),
+        (["-m", "services", "web", "--password=s3c=ret", "--port", "1"],
+         ["-m", "services", "web", "--port", "1"], "s3c=ret"),
+    ],
+)  # fmt: skip
+def test_a_password_leaves_the_command_line(
+    typed: list[str], kept: list[str], password: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[list[str]] = []
+    monkeypatch.setattr(sys, "orig_argv", ["python", *typed])
+    monkeypatch.setattr(os, "execv", lambda _program, argv: started.append(argv))
+    monkeypatch.delenv("HEEL_ZENOH__PASSWORD", raising=False)
+    monkeypatch.setenv("HEEL_ZENOH__PASSWORD", "another")
+    hide_password()
+    assert started == [[sys.executable, *kept]]
+    assert os.environ["HEEL_ZENOH__PASSWORD"] == password
+
+
+@pytest.mark.parametrize("typed", [["heel", "web"], ["heel", "web", "--password"]])
+def test_without_a_password_nothing_is_started_anew(
+    typed: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "orig_argv", ["python", *typed])
+    monkeypatch.setattr(os, "execv", lambda *_: pytest.fail("started anew"))
+    hide_password()

@@ -153,3 +153,15 @@ def test_a_slow_loop_does_not_delay_a_stop(inbox: Inbox, sender: zenoh.Session) 
     assert inbox.get(DEADLINE_S, "estop") is not None
     assert time.monotonic() - started_s < 1.0
     assert len(inbox._rings["image"]) <= 1
+
+
+def test_of_messages_beyond_their_cap_one_is_kept(inbox: Inbox, sender: zenoh.Session) -> None:
+    inbox.subscribe("health", "large/x", qos.HEALTH)
+    out = publisher(sender, "large/x")
+    for _ in range(4):
+        out.put(bytes(qos.HEALTH.max_bytes + 1))
+    out.put(b"last")
+    ring = inbox._rings["health"]
+    wait_until(lambda: bool(ring) and ring[-1].payload == b"last", "the last message")
+    assert [one.size for one in ring] == [qos.HEALTH.max_bytes + 1, 4]
+    assert inbox.overflowed["health"] == 3

@@ -11,7 +11,7 @@ import pytest
 from schemas.errors import SettingsError
 from services.capture.settings import CaptureSettings
 from services.detector.settings import DetectorServiceSettings
-from services.runtime.settings import Loaded, load_settings
+from services.runtime.settings import Loaded, ZenohSettings, load_settings
 from services.tracker.settings import TrackerServiceSettings
 
 Flags = Mapping[str, Mapping[str, object]]
@@ -188,3 +188,26 @@ def test_shown_settings_are_what_a_file_would_hold(tmp_path: Path) -> None:
     loaded = load_settings("tracker", TrackerServiceSettings, {"tracker": {"camera": "rear"}})
     assert loaded.shown("tracker").keys() == {"tracker", "zenoh", "log"}
     assert loaded.shown("tracker")["tracker"]["camera"] == "rear"
+
+
+def test_a_password_may_stand_in_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "password"
+    file.write_text("hunter2\n")
+    assert ZenohSettings(user="robot", password_file=file).secret() == "hunter2"
+    file.write_text("\n")
+    with pytest.raises(SettingsError, match="is empty"):
+        ZenohSettings(user="robot", password_file=file).secret()
+    with pytest.raises(SettingsError, match="No such file"):
+        ZenohSettings(user="robot", password_file=tmp_path / "none").secret()
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"password_file": Path("p")},
+        {"user": "robot", "password_file": Path("p"), "password": "hunter2"},
+    ],
+)
+def test_a_user_has_one_password(given: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="go together"):
+        ZenohSettings(**given)  # type: ignore[arg-type]
