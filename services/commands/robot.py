@@ -119,12 +119,12 @@ def session_with(where: Where) -> Iterator[zenoh.Session]:
     """
     import logging
 
-    import zenoh
+    from services.runtime.session import open_session, start_zenoh_log
 
-    from services.runtime.session import LOG_FILTER, open_session
-
-    zenoh.init_log_from_env_or(LOG_FILTER)
-    session = open_session(where.zenoh, logging.getLogger("heel"), _pause)
+    start_zenoh_log()
+    # What commands say and hear is small, and a stop must get through when /dev/shm is full.
+    settings = where.zenoh.model_copy(update={"shared_memory": False})
+    session = open_session(settings, logging.getLogger("heel"), _pause)
     assert session is not None
     with session:
         yield session
