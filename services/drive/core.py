@@ -12,6 +12,9 @@ from services.runtime.streams import ProducerGate
 
 _MAX_STEP_S = 0.2
 """A step that comes late must not be a leap in speed."""
+_SETTLE_S = 0.1
+"""Commands that waited while the drive hung come within this time after it goes on. A follower that
+is there sends five new ones meanwhile."""
 _State = Literal["waiting", "driving", "stopped"]
 
 
@@ -22,6 +25,9 @@ class Drive:
     command of one producer is younger than its time to live and no emergency stop holds. Limits
     on acceleration shape the start of a motion and never prolong it: zero comes at once, or with
     `braking_mps2` where that is set. Turning always stops at once.
+
+    A drive that has hung for longer than `ttl_s`, so that its wheels have stopped by themselves,
+    starts from standing and forgets what waited for it.
 
     Args:
         settings: limits and times.
@@ -40,6 +46,7 @@ class Drive:
         self._idle: tuple[_State, str] = ("waiting", "no command yet")
         self._estop = False
         self._stepped_s: float | None = None
+        self._deaf_until_s = -math.inf
         self._linear_mps = self._angular_radps = 0.0
         self._seq = 0
 
@@ -53,6 +60,8 @@ class Drive:
         """
         self.refusal = ""
         if not self._gate.accepts(producer, now_s):
+            return False
+        if self._has_hung(now_s) or now_s < self._deaf_until_s:
             return False
         if producer != self._producer:
             self._producer, self._numbers = producer, SequenceWatch()
@@ -86,6 +95,10 @@ class Drive:
             now_s: monotonic time, not before that of the last step.
         """
         dt_s = 0.0 if self._stepped_s is None else max(0.0, now_s - self._stepped_s)
+        if self._has_hung(now_s):
+            self._forget(f"the drive hung for {dt_s:.1f} s")
+            self._linear_mps = self._angular_radps = 0.0
+            self._deaf_until_s = now_s + _SETTLE_S
         self._stepped_s = now_s
         self._watch(now_s)
         state, reason, linear_mps, angular_radps = self._wished()
@@ -101,6 +114,10 @@ class Drive:
         if state != "driving" and self._linear_mps:
             state, reason = "driving", f"braking: {reason}"[:96]
         return self._told(state, reason, now_s)
+
+    def _has_hung(self, now_s: float) -> bool:
+        longest_s = max(self.settings.ttl_s, _MAX_STEP_S)
+        return self._stepped_s is not None and now_s - self._stepped_s > longest_s
 
     def _forget(self, reason: str) -> None:
         self._command = None

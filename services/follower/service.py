@@ -91,7 +91,9 @@ class FollowerService:
                 "odometry", keys.ROBOT_ODOMETRY, qos.ODOMETRY, primary=False
             )
         self._out = context.publisher(keys.FOLLOW_COMMAND, qos.COMMAND)
-        self._state = resources.enter_context(Latched(session, keys.FOLLOW_STATE, qos.STATE))
+        self._state = resources.enter_context(
+            Latched(session, keys.FOLLOW_STATE, qos.STATE.for_delivery(context.settings.delivery))
+        )
         self._estop = resources.enter_context(Latched(session, keys.FOLLOW_ESTOP, qos.ESTOP))
         self._target_out = session.declare_publisher(
             keys.FOLLOW_TARGET, priority=qos.TARGET.priority,

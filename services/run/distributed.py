@@ -56,7 +56,9 @@ class DistributedRun:
             outputs = stack.enter_context(
                 RunOutputs(self._options.out, self.summary, self._options.annotate)
             )
-            session, endpoint = stack.enter_context(open_private_router())
+            session, endpoint = stack.enter_context(
+                open_private_router(lossless=self._options.delivery == "lossless")
+            )
             inbox = stack.enter_context(Inbox(session))
             warn = OncePerSecond(self._log)
             note = stack.enter_context(

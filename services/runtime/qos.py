@@ -1,8 +1,17 @@
 """Quality of service of every topic, in one table.
 
-Frames are BLOCK_FIRST: DROP starves large frames on a slow link and BLOCK closes the session
-after 5 s. Receivers are ring channels: a full FIFO blocks the receive thread of the whole link,
-e-stop included (measured: a stop message 2 to 4 s late behind a FIFO of 4 frames).
+Nothing that a live run sends may wait for a receiver that takes no part in it. A router passes a
+message on to its receivers one after the other: with BLOCK, one viewer that is frozen or has left
+the network held up everybody behind it for 5 s, the emergency stop included, and with BLOCK_FIRST
+the frames (measured: no commands for 3 to 5 s). So everything is DROP, which gives up after 1 ms
+and from then on at once, and what must arrive is said again: an e-stop until the drive confirms,
+what is latched whenever somebody asks. What is sent seldom is never dropped for being behind
+frames: every priority has a queue of its own.
+
+Frames leave capture as BLOCK_FIRST, since DROP starves large ones on a slow first link; the router
+passes them on as DROP (`ROUTER_RULES`). Receivers are ring channels: a full FIFO blocks the receive
+thread of the whole link, e-stop included (measured: a stop message 2 to 4 s late behind a FIFO of 4
+frames).
 """
 
 from __future__ import annotations
@@ -70,16 +79,51 @@ TAKEN = TopicQos(_P.REAL_TIME, _DROP, True, 64, Taken.max_bytes)
 BLOBS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Blobs.max_bytes)
 TRACKS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Tracks.max_bytes)
 COMMAND = TopicQos(_P.REAL_TIME, _DROP, True, 1, MotionCommand.max_bytes)
-ESTOP = TopicQos(_P.REAL_TIME, _BLOCK, True, 8, EStop.max_bytes)
-INFO = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, CameraInfo.max_bytes)
-STATE = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, FollowState.max_bytes)
-TARGET = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 8, Target.max_bytes)
-POINTED = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 1, Pointed.max_bytes)
+ESTOP = TopicQos(_P.REAL_TIME, _DROP, True, 64, EStop.max_bytes)
+"""A deep ring: whoever floods the topic with releases must not push a stop out of it."""
+INFO = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, CameraInfo.max_bytes)
+STATE = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, FollowState.max_bytes)
+TARGET = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, Target.max_bytes)
+POINTED = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 1, Pointed.max_bytes)
 PROGRESS = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, True, LOSSLESS_CAPACITY, Progress.max_bytes)
 ODOMETRY = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Odometry.max_bytes)
 RANGES = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Ranges.max_bytes)
 DRIVE = TopicQos(_P.REAL_TIME, _DROP, True, 1, DriveState.max_bytes)
 SIM_TRUTH = TopicQos(_P.DATA, _DROP, False, 2, SimTruth.max_bytes)
-SIM_WORLD = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, False, 2, SimWorld.max_bytes)
+SIM_WORLD = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 2, SimWorld.max_bytes)
 HEALTH = TopicQos(_P.DATA, _DROP, False, 64, Health.max_bytes)
 """Ahead of images: a service must not look silent because its link is full of pictures."""
+
+_CONTROL_KEYS = ("**/follow/estop", "**/follow/state", "**/follow/target", "**/follow/pointed",
+                 "**/cam/*/info", "**/cam/*/taken", "**/robot/*", "**/sim/*",
+                 "**/svc/**")  # fmt: skip
+ROUTER_RULES: list[dict[str, object]] = [
+    {
+        "id": "live frames",
+        "messages": ["put"],
+        "key_exprs": ["**"],
+        "qos": {"congestion_control": "block_first"},
+        "overwrite": {"congestion_control": "drop"},
+        "flows": ["egress"],
+    },
+    {
+        "id": "control",
+        "messages": ["put", "delete"],
+        "key_exprs": list(_CONTROL_KEYS),
+        "overwrite": {"congestion_control": "drop"},
+        "flows": ["egress"],
+    },
+    {
+        "id": "questions",
+        "messages": ["query"],
+        "key_exprs": ["**"],
+        "overwrite": {"congestion_control": "drop"},
+        "flows": ["egress"],
+    },
+]
+"""What a live robot's router makes of messages, whoever sends them: other people's senders use
+BLOCK, and Zenoh's own questions do (an answer goes as its question came). What only a lossless run
+sends with BLOCK stays as it is."""
+ROUTER_WAIT_BEFORE_CLOSE_US = 1_000_000
+"""What is left with BLOCK, declarations and ends of streams, holds others up so long at most;
+Zenoh's own 5 s are more than a session's lease. Chosen by hand."""

@@ -18,12 +18,17 @@ from pydantic import Field
 
 from schemas.errors import HeelError, SettingsError
 from services.runtime.logs import set_up_logging
+<<<<<<< HEAD
 from services.runtime.process import (
     die_with_parent,
     may_lock_memory,
     use_all_file_descriptors,
 )
 from services.runtime.router_log import ZENOH_FILTER, RouterLog, reading_output, standard_error
+=======
+from services.runtime.process import die_with_parent, may_lock_memory
+from services.runtime.qos import ROUTER_RULES, ROUTER_WAIT_BEFORE_CLOSE_US
+>>>>>>> a3a2a00 (Let no client hold up others: a live router drops what a viewer does not take, and a drive that hung starts from standing)
 from services.runtime.service import stop_signals
 from services.runtime.session import (
     LEASE_MS,
@@ -69,8 +74,12 @@ class RouterSettings(StrictSettings):
     )
 
 
-def router_config(settings: RouterSettings) -> zenoh.Config:
+def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Config:
     """Build the configuration of a router session.
+
+    Args:
+        settings: where it listens and whom it lets in.
+        lossless: whether it serves a run in which nothing may be dropped, and no robot.
 
     Raises:
         SettingsError: it would listen beyond loopback unauthenticated, or Zenoh refuses it.
@@ -101,6 +110,15 @@ def router_config(settings: RouterSettings) -> zenoh.Config:
     if settings.users_file is not None:
         entries.append(("transport/auth/usrpwd/dictionary_file", str(settings.users_file)))
     try:
+        if not lossless and not json.loads(base.get_json("qos/network")):
+            # A file that has rules of its own keeps them.
+            entries += [
+                ("qos/network", ROUTER_RULES),
+                (
+                    "transport/link/tx/queue/congestion_control/block/wait_before_close",
+                    ROUTER_WAIT_BEFORE_CLOSE_US,
+                ),
+            ]
         for path, value in entries:
             base.insert_json5(path, json.dumps(value))
     except zenoh.ZError as error:
@@ -199,7 +217,9 @@ def open_router(settings: RouterSettings) -> Iterator[zenoh.Session]:
 
 
 @contextmanager
-def open_private_router(shared_memory: bool = True) -> Iterator[tuple[zenoh.Session, str]]:
+def open_private_router(
+    shared_memory: bool = True, lossless: bool = False
+) -> Iterator[tuple[zenoh.Session, str]]:
     """A router on a free loopback port, and its endpoint."""
     for attempt in range(_PORT_ATTEMPTS):
         with socket.socket() as probe:
@@ -207,7 +227,7 @@ def open_private_router(shared_memory: bool = True) -> Iterator[tuple[zenoh.Sess
             endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
         settings = RouterSettings(listen=(endpoint,), shared_memory=shared_memory)
         try:
-            session = zenoh.open(router_config(settings))
+            session = zenoh.open(router_config(settings, lossless))
         except zenoh.ZError:
             # Somebody took the port between the probe and the router.
             if attempt == _PORT_ATTEMPTS - 1:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
 from schemas import DriveState, MotionCommand
@@ -179,6 +181,8 @@ def test_one_producer_is_obeyed_in_its_order(
 ) -> None:
     drive = Drive(DriveSettings())
     last_s = driving(drive, 0.2)
+    for step in range(1, round(after_s / 0.02)):
+        drive.step(last_s + step * 0.02)
     assert drive.take(command(0.7, seq=seq), producer, last_s + after_s) == taken
     state = drive.step(last_s + after_s)
     assert (state.command_seq == seq) == (taken or seq == 49)
@@ -191,6 +195,30 @@ def test_a_refused_command_does_not_prolong_the_last_one() -> None:
         drive.take(command(seq=10), FOLLOWER, last_s + step * 0.02)
         drive.take(command(seq=100), OTHER, last_s + step * 0.02)
     assert drive.step(last_s + 0.5).state == "stopped"
+
+
+def test_after_a_hang_the_drive_starts_from_standing_without_what_waited() -> None:
+    drive = Drive(DriveSettings())
+    back_s = driving(drive, 1.8) + 3.0
+    assert not drive.take(command(1.8, seq=100), FOLLOWER, back_s), "it waited"
+    state = drive.step(back_s)
+    assert told(state) == ("stopped", 0.0, 0.0)
+    assert state.reason == "the drive hung for 3.0 s"
+    assert not drive.take(command(1.8, seq=101), FOLLOWER, back_s + 0.01), "so did this"
+    speeds = []
+    for step in range(8, 20):
+        drive.take(command(1.8, seq=100 + step), FOLLOWER, back_s + step * 0.02)
+        speeds.append(drive.step(back_s + step * 0.02).linear_mps)
+    steps = [after - before for before, after in itertools.pairwise(speeds)]
+    assert speeds[-1] > 0.3
+    assert max(steps) <= 2.0 * 0.02 + 1e-9, "within the limit on acceleration"
+
+
+def test_a_hang_does_not_release_an_emergency_stop() -> None:
+    drive = Drive(DriveSettings())
+    last_s = driving(drive)
+    drive.set_estop(True)
+    assert drive.step(last_s + 3.0).estop
 
 
 def test_what_is_told_is_numbered() -> None:

@@ -44,6 +44,7 @@ class AnyOrder(RuleBasedStateMachine):
         self.ends_s = -math.inf
         """Until when the newest command may move anything."""
         self.stepped_s: float | None = None
+        self.deaf_until_s = -math.inf
         self.before = (0.0, 0.0)
 
     @rule(
@@ -65,8 +66,12 @@ class AnyOrder(RuleBasedStateMachine):
         if not believed:
             assert not taken, "two producers at once"
             return
+        self.heard_s = self.now_s
+        if self._has_hung() or self.now_s < self.deaf_until_s:
+            assert not taken, "what waited while the drive hung"
+            return
         assert taken == (producer != self.producer or seq > self.seqs[producer])
-        self.producer, self.heard_s = producer, self.now_s
+        self.producer = producer
         if taken:
             self.seqs[producer] = seq
             if not self.estop:
@@ -104,7 +109,15 @@ class AnyOrder(RuleBasedStateMachine):
                 self.ends_s = -math.inf
             self._check(self.drive.step(self.now_s))
 
+    def _has_hung(self) -> bool:
+        longest_s = max(self.settings.ttl_s, 0.2)
+        return self.stepped_s is not None and self.now_s - self.stepped_s > longest_s
+
     def _check(self, told: DriveState) -> None:
+        if self._has_hung():
+            self.ends_s = -math.inf
+            self.deaf_until_s = self.now_s + 0.1
+            self.before = (0.0, 0.0)
         s, now = self.settings, (told.linear_mps, told.angular_radps)
         dt_s = 0.0 if self.stepped_s is None else max(0.0, self.now_s - self.stepped_s)
         self.stepped_s = self.now_s
