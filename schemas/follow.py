@@ -100,14 +100,18 @@ class Pointed(Message):
 
 
 class EStop(Message):
-    """Emergency stop. Engaging latches; only an explicit message with engaged=false resumes."""
+    """Emergency stop. Engaging latches; only a release of that engagement resumes."""
 
     schema_name: ClassVar[str] = "estop"
     max_bytes: ClassVar[int] = 512
 
     engaged: Flag
     source: Annotated[str, Field(strict=True, max_length=96)]
-    t_ns: TimeNs = 0
+    t_ns: TimeNs = Field(default=0, description="when it was pressed; a release is not older")
+    id: Annotated[str, Field(strict=True, pattern=r"^[0-9a-f]{0,32}$")] = Field(
+        default="",
+        description="random per engagement; a release repeats that of the engagement it ends",
+    )
 
 
 class FollowState(Message):

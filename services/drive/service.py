@@ -7,34 +7,28 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from contextlib import ExitStack
 
 from pydantic import ValidationError
 
-from schemas import (
-    DriveState,
-    EndOfStream,
-    EStop,
-    MessageError,
-    MotionCommand,
-    Odometry,
-    decode,
-    keys,
-)
+from schemas import DriveState, EndOfStream, EStop, MotionCommand, Odometry, keys
 from services.drive.core import Drive
 from services.drive.drivers import OdometryReading, open_driver
 from services.drive.settings import DriveServiceSettings
 from services.drive.wheels import DriverError, Wheels
 from services.runtime import qos
 from services.runtime.inbox import Arrival
-from services.runtime.latched import LatchedQuery
-from services.runtime.publishing import Latched, latched_values
 from services.runtime.service import ServiceContext, end_within, run_service
 from services.runtime.settings import Loaded
+from services.runtime.stop_keeper import StopKeeper
+from services.runtime.stop_socket import StopSocket
 from services.runtime.streams import END_HOLD_S, Received
 
 _EXIT_S = 1.0
 """From a failed driver to the end of the process, whatever else hangs."""
+_MOST_PRESSED = 16
+"""Stops by the socket that wait for the next round; one is enough."""
 
 
 class DriveService:
@@ -51,12 +45,14 @@ class DriveService:
         self._told = ("", "")
         self._ended_s: float | None = None
         self._odometry_seq = 0
-        context.inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
         self._out = context.publisher(keys.ROBOT_DRIVE, qos.DRIVE)
         self._odometry = context.publisher(keys.ROBOT_ODOMETRY, qos.ODOMETRY)
-        self._asked = LatchedQuery(context.session, keys.FOLLOW_ESTOP, EStop)
-        self._estop = resources.enter_context(
-            Latched(context.session, keys.FOLLOW_ESTOP, qos.ESTOP)
+        self._stop = StopKeeper(context, resources, self._drive.set_estop)
+        self._state: DriveState | None = None
+        self._rounds = 0
+        self._pressed: deque[EStop] = deque(maxlen=_MOST_PRESSED)
+        resources.enter_context(
+            StopSocket(context.robot, self._pressed.append, self._look, context.log)
         )
 
     def run(self) -> None:
@@ -67,7 +63,7 @@ class DriveService:
         """
         reason = "the drive ends"
         try:
-            self._catch_up()
+            self._stop.catch_up()
             self._context.announce()
             self._go_round()
         except DriverError as error:
@@ -98,14 +94,24 @@ class DriveService:
 
     def _round(self) -> None:
         started_s = time.monotonic()
+        self._take_pressed(started_s)
         state = self._drive.step(started_s)
         self._wheels.turn(state.linear_mps, state.angular_radps)
+        self._state, self._rounds = state, self._rounds + 1
         self._publish(state, time.monotonic() - started_s)
         if (reading := self._wheels.odometry()) is not None:
             self._publish_odometry(reading)
-        if state.command_seq is None and not state.estop:
-            # Commands stopped, perhaps because the link was down, and with it a stop went by.
-            self._ask_again(started_s)
+        self._stop.save()
+        self._stop.poll(started_s)
+
+    def _look(self) -> tuple[DriveState | None, int]:
+        """For the stop socket: what the wheels were told last, and the number of rounds."""
+        return self._state, self._rounds
+
+    def _take_pressed(self, now_s: float) -> None:
+        while self._pressed:
+            if self._stop.take(self._pressed.popleft(), now_s):
+                self._stop.publish()
 
     def _publish(self, state: DriveState, busy_s: float) -> None:
         now_s = time.monotonic()
@@ -138,7 +144,9 @@ class DriveService:
     def _stops(self, arrival: Arrival) -> bool:
         """Take a message; True if the wheels have to stand because of it."""
         if arrival.topic == "estop":
-            return self._hear_estop(arrival)
+            before = self._stop.engaged
+            self._stop.hear(arrival)
+            return self._stop.engaged and not before
         if arrival.encoding == EndOfStream.encoding():
             return self._end(arrival)
         # The core judges whom to obey and what is new.
@@ -155,7 +163,8 @@ class DriveService:
         self._ended_s = None
         self._newest = received
         self._context.statistics.input(arrival.arrived_s)
-        return command.linear_mps == 0.0 and command.angular_radps == 0.0
+        stops = command.linear_mps == 0.0 and command.angular_radps == 0.0
+        return stops and self._turns
 
     def _end(self, arrival: Arrival) -> bool:
         """Stop at once; whether the drive is to end shows when no command follows."""
@@ -169,38 +178,10 @@ class DriveService:
         over = self._ended_s is not None and time.monotonic() - self._ended_s >= END_HOLD_S
         return over and self._context.settings.exit_at_end
 
-    def _hear_estop(self, arrival: Arrival) -> bool:
-        try:
-            estop = decode(EStop, arrival.payload, arrival.encoding)
-        except MessageError as error:
-            self._context.statistics.malformed += 1
-            self._context.warn.warning("estop", f"{arrival.key}: {error}", arrival.arrived_s)
-            return False
-        self._take_estop(estop)
-        return estop.engaged
-
-    def _take_estop(self, estop: EStop) -> None:
-        self._estop.keep(estop)
-        self._drive.set_estop(estop.engaged)
-        self._context.log.warning("e-stop %s by %s", "engaged" if estop.engaged else "released",
-                                  estop.source)  # fmt: skip
-
-    def _catch_up(self) -> None:
-        """Ask for the stop: a drive that restarts must not forget it. One that holds wins."""
-        for estop in latched_values(
-            self._context.session, keys.FOLLOW_ESTOP, EStop, self._context.log
-        ):
-            if estop.engaged:
-                self._take_estop(estop)
-
-    def _ask_again(self, now_s: float) -> None:
-        try:
-            estop = self._asked.poll(now_s)
-        except MessageError as error:
-            self._context.warn.warning("estop-asked", f"{keys.FOLLOW_ESTOP}: {error}", now_s)
-            return
-        if estop is not None and estop.engaged:
-            self._take_estop(estop)
+    @property
+    def _turns(self) -> bool:
+        state = self._state
+        return state is not None and bool(state.linear_mps or state.angular_radps)
 
 
 def serve(context: ServiceContext[DriveServiceSettings]) -> None:

@@ -19,7 +19,6 @@ import zenoh
 from schemas import (
     CameraInfo,
     EndOfStream,
-    EStop,
     FollowState,
     HeelError,
     Message,
@@ -47,6 +46,7 @@ from services.runtime.publishing import Latched
 from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from services.runtime.session import QUERY_TIMEOUT_S
 from services.runtime.settings import Loaded
+from services.runtime.stop_keeper import StopKeeper
 from services.runtime.streams import Received
 
 _STOP_REPEATS = 5
@@ -80,7 +80,6 @@ class FollowerService:
         self._told_s = -math.inf
         camera, session = context.settings.camera, context.session
         self._tracks = context.subscribe("tracks", keys.tracks(camera), qos.TRACKS)
-        context.inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
         self._live = context.settings.delivery == "live"
         if self._live:
             # In a lossless run the stream is the clock; what comes beside it has no place in it.
@@ -94,7 +93,7 @@ class FollowerService:
         self._state = resources.enter_context(
             Latched(session, keys.FOLLOW_STATE, qos.STATE.for_delivery(context.settings.delivery))
         )
-        self._estop = resources.enter_context(Latched(session, keys.FOLLOW_ESTOP, qos.ESTOP))
+        self._stop = StopKeeper(context, resources, self._obey_stop)
         self._target_out = session.declare_publisher(
             keys.FOLLOW_TARGET, priority=qos.TARGET.priority,
             congestion_control=qos.TARGET.congestion,
@@ -134,6 +133,8 @@ class FollowerService:
             if now_s >= due_s:
                 age_s = None if self._newest is None else self._newest.age_s(now_s)
                 self._publish(now_s, age_s)
+                self._stop.save()
+                self._stop.poll(now_s)
                 due_s = max(due_s + period_s, now_s)
                 self._look_after(now_s)
                 continue
@@ -251,7 +252,7 @@ class FollowerService:
     def _side_message(self, arrival: Arrival) -> None:
         try:
             if arrival.topic == "estop":
-                self._take_estop(decode(EStop, arrival.payload, arrival.encoding))
+                self._stop.hear(arrival)
             elif arrival.topic == "info":
                 info = decode(CameraInfo, arrival.payload, arrival.encoding)
                 self._take_info(info, arrival.arrived_s)
@@ -288,12 +289,9 @@ class FollowerService:
             elif self._odometry.unreadable:
                 self._follower.refuse("odometry", self._odometry.unreadable, arrival.arrived_s)
 
-    def _take_estop(self, estop: EStop) -> None:
-        self._estop.keep(estop)
+    def _obey_stop(self, engaged: bool) -> None:
         with self._lock:
-            self._follower.set_estop(estop.engaged)
-        self._context.log.warning("e-stop %s by %s", "engaged" if estop.engaged else "released",
-                                  estop.source)  # fmt: skip
+            self._follower.set_estop(engaged)
 
     def _take_info(self, info: CameraInfo, now_s: float) -> None:
         if wrong := self._infos.hear(info):
@@ -311,9 +309,7 @@ class FollowerService:
 
     def _catch_up(self) -> None:
         """Ask for latched values: a follower that restarts must not forget a stop."""
-        for estop in self._latched(keys.FOLLOW_ESTOP, EStop):
-            if estop.engaged:
-                self._take_estop(estop)
+        self._stop.catch_up()
         self._ask_camera()
 
     def _ask_camera(self) -> None:

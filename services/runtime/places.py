@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
+import socket
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 from schemas.errors import SettingsError
+from services.runtime.process import PARENT_VARIABLE
+from services.runtime.settings import ZenohSettings
 
 VARIABLE = "HEEL_RUNTIME_DIR"
 """Names another run folder: a container's volume, or one for every test."""
+
+_SO_NETNS_COOKIE = 71
+_PORT = re.compile(r":(\d+)")
 
 
 def run_folder() -> Path:
@@ -52,3 +61,42 @@ def _wanted() -> Path:
     if session and os.path.isdir(session) and os.stat(session).st_uid == os.geteuid():
         return Path(session) / "heel"
     return Path(f"/tmp/heel-{os.geteuid()}")
+
+
+def robot_name(zenoh: ZenohSettings) -> str:
+    """The robot that a process with these settings works for, as a name for files of this host.
+
+    It is made of the robot's name and of its router's ports, not of the router's addresses, of
+    which it may have several, and of the network namespace unless the folder is named: another
+    container's 127.0.0.1 is another robot's.
+    """
+    ports = sorted({port for address in zenoh.connect for port in _PORT.findall(address)})
+    where = "" if VARIABLE in os.environ else _network()
+    return _digest(where, zenoh.namespace, ",".join(ports or zenoh.connect))
+
+
+def private_run() -> str:
+    """What tells the processes of one `heel run` or `heel demo` from those of the next.
+
+    Their routers take any free port, so that one day somebody else's has the same.
+    """
+    parent = os.environ.get(PARENT_VARIABLE)
+    if parent is None:
+        return ""
+    with suppress(OSError, IndexError):
+        started = Path(f"/proc/{parent}/stat").read_text().rpartition(")")[2].split()[19]
+        return _digest(parent, started)
+    return _digest(parent)
+
+
+def _digest(*parts: str) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:12]
+
+
+def _network() -> str:
+    """This process's network namespace; its number in /proc is given away again."""
+    with suppress(OSError), socket.socket(socket.AF_UNIX) as probe:
+        return probe.getsockopt(socket.SOL_SOCKET, _SO_NETNS_COOKIE, 8).hex()
+    with suppress(OSError):
+        return os.readlink("/proc/self/ns/net")
+    return ""

@@ -18,17 +18,13 @@ from pydantic import Field
 
 from schemas.errors import HeelError, SettingsError
 from services.runtime.logs import set_up_logging
-<<<<<<< HEAD
 from services.runtime.process import (
     die_with_parent,
     may_lock_memory,
     use_all_file_descriptors,
 )
-from services.runtime.router_log import ZENOH_FILTER, RouterLog, reading_output, standard_error
-=======
-from services.runtime.process import die_with_parent, may_lock_memory
 from services.runtime.qos import ROUTER_RULES, ROUTER_WAIT_BEFORE_CLOSE_US
->>>>>>> a3a2a00 (Let no client hold up others: a live router drops what a viewer does not take, and a drive that hung starts from standing)
+from services.runtime.router_log import ZENOH_FILTER, RouterLog, reading_output, standard_error
 from services.runtime.service import stop_signals
 from services.runtime.session import (
     LEASE_MS,

@@ -31,6 +31,7 @@ from services.runtime.health import HealthReporter
 from services.runtime.health_file import HealthFile
 from services.runtime.inbox import Arrival, Inbox
 from services.runtime.logs import OncePerSecond, set_up_logging
+from services.runtime.places import robot_name
 from services.runtime.presence import Presence
 from services.runtime.publishing import StreamPublisher
 from services.runtime.qos import TopicQos
@@ -72,6 +73,8 @@ class ServiceContext(Generic[S]):
     stop: threading.Event
     announce: Callable[[], None]
     """Call once subscriptions are declared: from then on the service counts as present."""
+    robot: str
+    """Name of the robot in files of this host."""
     warn: OncePerSecond = field(init=False)
 
     def __post_init__(self) -> None:
@@ -236,6 +239,7 @@ def _serve(
         context = ServiceContext(
             name, settings, session, inbox, statistics, log, producer,
             loaded.zenoh.shared_memory, stop, announce,
+            robot_name(loaded.zenoh),
         )  # fmt: skip
         main(context)
         log.info("%s ends: received %d, sent %d, dropped %d, malformed %d", producer,

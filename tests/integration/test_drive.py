@@ -6,6 +6,7 @@ import math
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import msgpack
@@ -14,7 +15,10 @@ import zenoh
 
 from schemas import EndOfStream, EStop, MotionCommand, Odometry, decode, encode, keys
 from services.runtime import qos
+from services.runtime.places import robot_name
 from services.runtime.publishing import Latched
+from services.runtime.settings import ZenohSettings
+from services.runtime.stop_socket import drives_here
 from tests.support import network
 from tests.support.driving import OTHER, Robot, drive_process, motion, next_seq, stamp
 from tests.support.network import wait_until
@@ -76,8 +80,8 @@ def put(session: zenoh.Session, message: Put) -> None:
     )  # fmt: skip
 
 
-def press(session: zenoh.Session, engaged: bool) -> None:
-    estop = EStop(engaged=engaged, source="test")
+def press(session: zenoh.Session, engaged: bool, name: str = "") -> None:
+    estop = EStop(engaged=engaged, source="test", id=name)
     put(session, Put(keys.FOLLOW_ESTOP, encode(estop), estop.encoding()))
 
 
@@ -100,6 +104,10 @@ def test_bad_messages_are_counted_and_move_nothing(
     assert robot.process.alive
     assert not robot.drives()
     assert "Traceback" not in robot.process.stderr()
+    if topic == "estop":
+        wait_until(lambda: robot.stopped, "what cannot be read stops")
+        press(session, False)
+        wait_until(lambda: not robot.stopped, "the release")
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308])
@@ -157,6 +165,55 @@ def test_an_emergency_stop_holds_and_is_told_to_those_who_ask(
         wait_until(robot.drives, "driving again")
 
 
+def test_a_release_that_names_another_engagement_releases_nothing(
+    robot: Robot, session: zenoh.Session
+) -> None:
+    old, new = "0" * 16, "1" * 16
+    press(session, True, old)
+    press(session, False, old)
+    press(session, True, new)
+    wait_until(lambda: robot.stopped, "the stop")
+    for name in (old, ""):
+        press(session, False, name)
+    wait_until(lambda: "releases nothing" in robot.process.stderr(), "the refusal")
+    assert robot.stopped
+    press(session, False, new)
+    wait_until(lambda: not robot.stopped, "the release")
+
+
+def test_the_stop_socket_stops_and_tells_what_is_true(
+    robot: Robot, session: zenoh.Session, endpoint: str
+) -> None:
+    """Also while Zenoh brings nothing; others hear of it from the drive."""
+    name = robot_name(ZenohSettings(connect=(endpoint,)))
+    with network.collected(session, keys.FOLLOW_ESTOP) as told:
+        with robot.commanded(first_seq=next_seq()):
+            wait_until(robot.drives, "driving")
+            (asked,) = drives_here(name, None, 2.0)
+            assert asked.state is not None
+            assert not asked.state.estop
+            assert asked.state.linear_mps > 0.0
+            stop = EStop(engaged=True, source="test", id="2" * 16)
+            (answer,) = drives_here(name, stop, 2.0)
+            assert answer.state is not None
+            assert (answer.state.estop, answer.state.linear_mps) == (True, 0.0)
+        assert decode(EStop, told.get(timeout=5.0).payload.to_bytes()) == stop
+        press(session, False, stop.id)
+        wait_until(lambda: not robot.stopped, "the release")
+
+
+def test_a_stop_outlives_everybody_who_holds_it() -> None:
+    with network.router() as own, network.client(own) as client:
+        with drive_process(own, client) as robot:
+            press(client, True, "3" * 16)
+            wait_until(lambda: robot.stopped, "the stop")
+            robot.process.stop(signal.SIGKILL, 5.0)
+        with drive_process(own, client) as robot, robot.commanded():
+            wait_until(lambda: robot.stands_because("emergency stop"), "the stop")
+            press(client, False, "3" * 16)
+            wait_until(robot.drives, "driving again")
+
+
 def test_a_drive_that_starts_while_the_stop_holds_stands() -> None:
     with network.router() as own, network.client(own) as client:
         with Latched(client, keys.FOLLOW_ESTOP, qos.ESTOP) as kept:
@@ -165,11 +222,15 @@ def test_a_drive_that_starts_while_the_stop_holds_stands() -> None:
                 wait_until(lambda: robot.stands_because("emergency stop"), "the stop")
 
 
-def test_a_stop_that_went_by_while_nothing_came_is_asked_for() -> None:
+@pytest.mark.parametrize("commanded", [False, True], ids=["nothing comes", "commands come"])
+def test_a_stop_that_went_by_is_asked_for(commanded: bool) -> None:
     """As after a link that was down: the stop was published meanwhile, and somebody knows it."""
-    with network.router() as own, network.client(own) as client:
+    with network.router() as own, network.client(own) as client, ExitStack() as commands:
         with drive_process(own, client) as robot:
             wait_until(lambda: robot.newest is not None, "the drive")
+            if commanded:
+                commands.enter_context(robot.commanded())
+                wait_until(robot.drives, "driving")
             with Latched(client, keys.FOLLOW_ESTOP, qos.ESTOP) as kept:
                 kept.keep(EStop(engaged=True, source="meanwhile"))
                 wait_until(lambda: robot.stands_because("emergency stop"), "the stop")

@@ -51,6 +51,11 @@ class Robot:
     def drives(self) -> bool:
         return self.newest is not None and self.newest.linear_mps > 0.0
 
+    @property
+    def stopped(self) -> bool:
+        """Whether the emergency stop holds."""
+        return self.newest is not None and self.newest.estop
+
     def stands_because(self, reason: str) -> bool:
         newest = self.newest
         if newest is None or reason not in newest.reason:

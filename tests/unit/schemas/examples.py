@@ -115,7 +115,9 @@ EXAMPLES: tuple[Message, ...] = (
     TargetRequest(mode="point", x_px=1.5, y_px=0.5, tracker="tracker/main@00ff00ff"),
     _TARGET,
     Pointed(frame=FrameId(**FRAME), width=640, height=480, x_px=320.5, y_px=200.25),
-    EStop(engaged=True, source="web", t_ns=1_700_000_000_000_000_000),
+    EStop(
+        engaged=True, source="web", t_ns=1_700_000_000_000_000_000, id="0123456789abcdef",
+    ),
     FollowState(
         seq=10, state="stopped", reason="emergency stop", estop=True, target=_TARGET,
         tracks_age_s=0.0625, linear_mps=0.0, angular_radps=0.0, distance_m=2.5, bearing_rad=-0.125,
