@@ -129,6 +129,7 @@ class ChainWatch:
 
     def missing(self, expected: Iterable[str], now_s: float) -> list[Problem]:
         """Parts that are expected, or stand between two that are there, and were never heard."""
+        expected = set(expected)
         live = {part.health.service for part in self.parts.values()
                 if self.state(part, now_s) == "ok"}  # fmt: skip
         known = {part.health.service for part in self.parts.values()}
@@ -139,7 +140,11 @@ class ChainWatch:
         if len(there) > 1:
             wanted |= set(CHAIN[: max(there) + 1])
         absent = sorted(wanted - known - stands_in, key=_place)
-        return [Problem(service, "gone", f"{service}: not there") for service in absent]
+        told = {True: "gone", False: "not there"}
+        return [
+            Problem(service, "gone", f"{service}: {told[service in expected]}")
+            for service in absent
+        ]
 
     def _roles(self) -> list[tuple[str, str]]:
         """Every role that somebody has or had, those included who were never heard."""

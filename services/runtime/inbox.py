@@ -81,12 +81,21 @@ class Inbox:
 
     def subscribe(self, topic: str, key: str, qos: TopicQos) -> None:
         """Receive `key` under the name `topic`."""
-        self._rings.setdefault(topic, deque(maxlen=qos.capacity))
+        ring = RingChannel(qos.capacity)
+        self._keep(topic, self._session.declare_subscriber(key, ring), qos.capacity, qos.max_bytes)
+
+    def subscribe_alive(self, topic: str, key: str, capacity: int = 64) -> None:
+        """Receive liveliness tokens, those that are there already included, as `topic`."""
+        liveliness = self._session.liveliness()
+        tokens = liveliness.declare_subscriber(key, RingChannel(capacity), history=True)
+        self._keep(topic, tokens, capacity, 0)
+
+    def _keep(self, topic: str, subscriber: _Subscriber, capacity: int, max_bytes: int) -> None:
+        self._rings.setdefault(topic, deque(maxlen=capacity))
         self.overflowed.setdefault(topic, 0)
-        subscriber = self._session.declare_subscriber(key, RingChannel(qos.capacity))
         thread = threading.Thread(
             target=self._pump,
-            args=(topic, subscriber, qos.max_bytes),
+            args=(topic, subscriber, max_bytes),
             name=f"inbox-{topic}",
             daemon=True,
         )

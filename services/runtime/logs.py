@@ -29,13 +29,13 @@ def printable(text: str, longest: int = LONGEST_TEXT) -> str:
     Control characters, line breaks, direction marks and lone surrogates are spelled out; what is
     longer than `longest` characters is cut.
     """
-    if len(text) > longest:
-        text = text[: longest - 3] + "..."
-    if text.isprintable():
-        return text
-    return "".join(
-        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
-    )
+    # Cut before, too: a text of megabytes is not spelled out first.
+    shown = text[: longest + 1]
+    if not shown.isprintable():
+        shown = "".join(
+            one if one.isprintable() else one.encode("unicode_escape").decode() for one in shown
+        )
+    return shown if len(shown) <= longest else shown[: longest - 3] + "..."
 
 
 class TextLines(logging.Formatter):

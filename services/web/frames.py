@@ -59,9 +59,17 @@ def describe(joined: Joined, state: FollowState | None, age_s: float) -> dict[st
         "age_ms": round(age_s * 1e3, 1),
         "tracker": joined.tracker,
         "target": _target(joined, state),
+        "pending": _pending(state),
         "occlusion": tracks is not None and tracks.occlusion,
         "tracks": None if tracks is None else [_person(track) for track in tracks.tracks],
     }
+
+
+def _pending(state: FollowState | None) -> list[float] | None:
+    """Where somebody is looked for who was pointed at, pixels."""
+    if state is None or state.pending_point_px is None:
+        return None
+    return [round(side, 1) for side in state.pending_point_px]
 
 
 def _target(joined: Joined, state: FollowState | None) -> dict[str, Any] | None:

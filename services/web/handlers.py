@@ -33,6 +33,7 @@ STATIC_FILES = {
     "app.js": "text/javascript",
     "picture.js": "text/javascript",
     "panel.js": "text/javascript",
+    "people.js": "text/javascript",
     "above.js": "text/javascript",
     "link.js": "text/javascript",
     "icon.svg": "image/svg+xml",

@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 import cv2
+import zenoh
 
 from schemas import (
     DriveState,
@@ -22,6 +23,8 @@ from schemas import (
     keys,
 )
 from services.runtime import qos
+from services.runtime.chain import Problem
+from services.runtime.chain import describe as describe_problems
 from services.runtime.inbox import Arrival
 from services.runtime.latched import LatchedQuery
 from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
@@ -41,7 +44,8 @@ from services.web.settings import WebServiceSettings, is_loopback
 from services.web.status import StatusBoard
 
 _STATUS_PERIOD_S = 0.2
-_ROUTER_PERIOD_S = 0.5
+_ROUTER_PERIOD_S = 0.2
+_RECONNECT_S = 2.0
 # Deeper than for a detector, so that a burst after a pause still meets its tracks.
 _IMAGE_QOS = replace(qos.IMAGE, capacity=8)
 _TRACKS_QOS = replace(qos.TRACKS, capacity=16)
@@ -62,9 +66,10 @@ class WebService:
             settings.tracks_deadline_s, settings.held_images, int(settings.held_mb * 1e6)
         )
         self._rate = RateLimiter(settings.max_fps)
-        self._board = StatusBoard(settings.camera, settings.stale_after_s)
+        self._board = StatusBoard(settings.camera, settings.stale_after_s, context.producer)
         self._capped = self._unreadable = 0
         self._router = True
+        self._router_back_s = float("-inf")
         self._latched = LatchedQuery(context.session, keys.FOLLOW_STATE, FollowState)
         self._status_due_s = self._router_due_s = 0.0
         self._images = self._stream("image", keys.image(settings.camera), _IMAGE_QOS, True)
@@ -75,6 +80,7 @@ class WebService:
         inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
         inbox.subscribe("health", keys.ALL_HEALTH, qos.HEALTH)
         inbox.subscribe("drive", keys.ROBOT_DRIVE, qos.DRIVE)
+        inbox.subscribe_alive("alive", keys.ALL_ALIVE)
         self._above = ViewFromAbove(context, hub)
 
     def _stream(self, topic: str, key: str, how: qos.TopicQos, primary: bool) -> StreamJudge:
@@ -105,11 +111,22 @@ class WebService:
         if now_s >= self._router_due_s:
             self._router_due_s = now_s + _ROUTER_PERIOD_S
             self._check_router()
+        self._report(now_s)
         self._catch_up(now_s)
         if self._router:
             self._above.catch_up(now_s)
         self._control.repeat_stop(now_s)
         self._hub.put_note("status", self._status(now_s))
+
+    def _report(self, now_s: float) -> None:
+        """Say in this service's own health, too, who is missing: whoever asks later learns it."""
+        words = "; ".join(one.words for one in self._problems(now_s))
+        self._context.statistics.problem("chain", words[:400] or None)
+
+    def _problems(self, now_s: float) -> list[Problem]:
+        # While the router is away nothing is known of anybody; clients are back within a second.
+        known = self._router and now_s - self._router_back_s > _RECONNECT_S
+        return self._board.problems(now_s) if known else []
 
     def _is_over(self) -> bool:
         # The last frames still wait for their tracks when the end of the images is announced.
@@ -137,6 +154,12 @@ class WebService:
                 case "drive":
                     drive = decode(DriveState, arrival.payload, arrival.encoding)
                     self._board.drive(drive, arrival.arrived_s)
+                case "alive":
+                    _, service, instance = arrival.key.split("/")
+                    self._board.watch.token(
+                        service, instance, arrival.sample.kind == zenoh.SampleKind.PUT,
+                        arrival.arrived_s,
+                    )  # fmt: skip
                 case "sim-world" | "sim-truth":
                     self._above.take(arrival)
                 case "command" if arrival.encoding != EndOfStream.encoding():
@@ -201,6 +224,7 @@ class WebService:
         if connected == self._router:
             return
         self._router = connected
+        self._router_back_s = time.monotonic()
         if connected:
             self._context.log.info("the router is back")
         else:
@@ -226,7 +250,12 @@ class WebService:
         statistics = self._context.statistics
         status = self._board.compose(now_s)
         status["router"] = self._router
-        status["stop"] = self._control.stop_status(now_s)
+        status["problems"] = describe_problems(self._problems(now_s))
+        status["own"] = self._context.producer
+        stop = self._control.stop_status(now_s)
+        follower = self._board.follower
+        engaged = stop["engaged"] or (follower is not None and follower.estop)
+        status["stop"] = stop | self._board.stop(engaged, now_s)
         status["web"] = {
             "rate_in_hz": round(rate_in_hz, 1),
             "rate_out_hz": round(rate_out_hz, 1),

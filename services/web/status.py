@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from schemas import DriveState, EndOfStream, FollowState, Header, Health, MotionCommand
+from services.runtime.chain import MISSING, ChainWatch, Part, Problem
+from services.runtime.logs import printable
 
-MAX_SERVICES = 32
 NOTICE = "notice"
-"""The detail of a service's health that the page shows as it is."""
+"""The detail of a service's health that the page shows, marked as that service's."""
 _NOTICE_LENGTH = 200
-_SILENT_AFTER_S = 5.0
+_MAX_NOTICES = 3
+_DRIVE_SILENT_S = 0.5
 _FORGET_AFTER_S = 60.0
+_SETTLED_S = 3.0
+"""How long after its start the page may still be hearing of parts for the first time."""
 
 
 class StatusBoard:
@@ -20,9 +24,10 @@ class StatusBoard:
     Args:
         camera: whose stream is shown.
         stale_after_s: age at which the page is to warn.
+        own: producer name of the web service itself.
     """
 
-    def __init__(self, camera: str, stale_after_s: float) -> None:
+    def __init__(self, camera: str, stale_after_s: float, own: str = "") -> None:
         self._camera = camera
         self._stale_after_s = stale_after_s
         self._picture: tuple[Header, float] | None = None
@@ -30,7 +35,10 @@ class StatusBoard:
         self._ended: EndOfStream | None = None
         self._command: tuple[MotionCommand, float] | None = None
         self._drive: tuple[DriveState, float] | None = None
-        self._services: dict[tuple[str, str], tuple[Health, float]] = {}
+        self._unconfirmed_s: float | None = None
+        self._started_s: float | None = None
+        self.watch = ChainWatch(own)
+        """Who is there."""
         self.follower: FollowState | None = None
         """The follower's last word."""
 
@@ -63,19 +71,46 @@ class StatusBoard:
 
     def health(self, health: Health, now_s: float) -> None:
         """A service spoke of itself."""
-        known = (health.service, health.instance)
-        if known not in self._services and len(self._services) >= MAX_SERVICES:
-            oldest = min(self._services, key=lambda name: self._services[name][1])
-            del self._services[oldest]
-        self._services[known] = (health, now_s)
+        self.watch.hear(health, now_s)
+
+    def problems(self, now_s: float) -> list[Problem]:
+        """Who is gone, silent or there twice; what ends with its stream is not missed."""
+        if self._started_s is None:
+            self._started_s = now_s
+        found = self.watch.problems(now_s)
+        if now_s - self._started_s > _SETTLED_S:
+            reported: set[str] = set()
+            for part, state in self.watch.rows(now_s):
+                if state == "ok" and part.health.details.get(MISSING):
+                    reported |= set(part.health.details[MISSING].split(","))
+            found += self.watch.missing(reported, now_s)
+        return [] if self.has_ended else found
+
+    def stop(self, engaged: bool, now_s: float) -> dict[str, Any]:
+        """What became of an emergency stop: who has confirmed it, and how long nobody has.
+
+        The drive's word counts wherever a drive was ever heard; the follower's where none was.
+        """
+        confirmed = self._confirmed_by(now_s) if engaged else None
+        if not engaged or confirmed is not None:
+            self._unconfirmed_s = None
+        elif self._unconfirmed_s is None:
+            self._unconfirmed_s = now_s
+        waiting_s = None if self._unconfirmed_s is None else now_s - self._unconfirmed_s
+        return {
+            "confirmed_by": confirmed,
+            "unconfirmed_s": None if waiting_s is None else round(waiting_s, 2),
+        }
+
+    def _confirmed_by(self, now_s: float) -> Literal["drive", "follower"] | None:
+        if self._drive is not None:
+            state, heard_s = self._drive
+            return "drive" if state.estop and now_s - heard_s < _DRIVE_SILENT_S else None
+        return "follower" if self.follower is not None and self.follower.estop else None
 
     def compose(self, now_s: float) -> dict[str, Any]:
         """The status of this moment; times are monotonic seconds."""
-        self._services = {
-            name: entry
-            for name, entry in self._services.items()
-            if now_s - entry[1] < _FORGET_AFTER_S
-        }
+        bus_silent_s = self.watch.bus_silent_s(now_s)
         return {
             "type": "status",
             "camera": self._camera,
@@ -83,11 +118,14 @@ class StatusBoard:
             "follower": self._compose_follower(),
             "command": self._compose_command(now_s),
             "drive": self._compose_drive(now_s),
+            "bus_silent_s": None if bus_silent_s is None else round(bus_silent_s, 1),
             "notices": self._notices(now_s),
             "services": [
-                _compose_service(health, now_s - heard_s)
-                for _, (health, heard_s) in sorted(self._services.items())
+                _compose_service(part, state, now_s - part.heard_s)
+                for part, state in self.watch.rows(now_s)
+                if now_s - part.heard_s < _FORGET_AFTER_S
             ],
+            "unlisted": self.watch.unlisted,
         }
 
     def _compose_picture(self, now_s: float) -> dict[str, Any]:
@@ -103,14 +141,13 @@ class StatusBoard:
         state = self.follower
         if state is None:
             return None
-        return {
-            "state": state.state,
-            "reason": state.reason,
-            "estop": state.estop,
-            "target": state.target.model_dump(
-                include={"mode", "track_id", "tracker", "reason"}
-            ),
+        passed_on = {
+            "state", "reason", "estop", "distance_m", "bearing_rad", "identity_confidence",
+            "runner_up_confidence", "speed_reason", "obstacle_watch", "free_distance_m",
+            "pending_point_px", "pending_for_s", "tracks_age_s",
         }  # fmt: skip
+        target = state.target.model_dump(include={"seq", "mode", "track_id", "tracker", "reason"})
+        return state.model_dump(mode="json", include=passed_on) | {"target": target}
 
     def _compose_command(self, now_s: float) -> dict[str, Any] | None:
         if self._command is None:
@@ -130,27 +167,30 @@ class StatusBoard:
         return {
             "state": state.state,
             "reason": state.reason,
+            "estop": state.estop,
             "driver": state.driver,
             "linear_mps": round(state.linear_mps, 4),
             "angular_radps": round(state.angular_radps, 4),
             "age_s": round(now_s - heard_s, 3),
         }
 
-    def _notices(self, now_s: float) -> list[str]:
+    def _notices(self, now_s: float) -> list[dict[str, str]]:
         """What services want to have said to whoever looks, while they live."""
-        return [
-            health.details[NOTICE][:_NOTICE_LENGTH]
-            for health, heard_s in self._services.values()
-            if NOTICE in health.details and health.state != "ended"
-            and now_s - heard_s < _SILENT_AFTER_S
+        told = [
+            {"service": part.health.service,
+             "text": printable(part.health.details[NOTICE], _NOTICE_LENGTH)}
+            for part, state in self.watch.rows(now_s)
+            if state == "ok" and part.health.details.get(NOTICE)
         ]  # fmt: skip
+        return told[:_MAX_NOTICES]
 
 
-def _compose_service(health: Health, silent_s: float) -> dict[str, Any]:
+def _compose_service(part: Part, state: str, silent_s: float) -> dict[str, Any]:
+    health = part.health
     shown = health.model_dump(
-        include={"service", "instance", "state", "reason", "dropped", "malformed"}
+        include={"service", "instance", "producer", "state", "reason", "dropped", "malformed"}
     )
     numbers = ("rate_in_hz", "rate_out_hz", "age_ms_p50", "age_ms_p95", "busy_ms_p50", "rss_mb")
-    return shown | {"silent_s": round(silent_s, 2)} | {
+    return shown | {"heard": state, "silent_s": round(silent_s, 2)} | {
         name: round(getattr(health, name), 1) for name in numbers
     }  # fmt: skip

@@ -7,6 +7,7 @@ const MAX_TRAILS = 65;
 const GONE_MS = 3000;
 const LEAST_OVERLAP = 0.25;
 const ROLE_COLOURS = { target: "#ffd166", twin: "#ff7eb6", other: "#7f93a8" };
+const ROLE_WORDS = { target: "the scenario\u2019s person", twin: "dressed alike" };
 const STATE_COLOURS = {
   following: "#4fd1a5", acquiring: "#6cb6ff", idle: "#93a3b3", occluded: "#ffb454", unsure: "#ffb454",
   searching: "#ffb454", lost: "#ff5d5d", stopped: "#ff5d5d",
@@ -66,15 +67,24 @@ export class Above {
     if (this.trails.has(name) || this.trails.size < MAX_TRAILS) this.trails.set(name, trail);
   }
 
-  /** The person whose true box is the followed track's: what the robot really follows. */
-  followed() {
-    const target = this.frame?.target;
-    const track = target && this.frame.tracks?.find((one) => one.id === target.id);
-    if (!track || track.state === "lost") return null;
+  /**
+   * Who is under which of the picture's boxes: the stack's ids by the simulator's people. The map
+   * names people as the picture does, or not at all.
+   */
+  names() {
     const seen = this.truth.people.filter((person) => person.box && person.visible > 0);
-    const best = seen.map((person) => [overlap(person.box, track.box), person])
-      .sort(([one], [other]) => other - one)[0];
-    return best && best[0] > LEAST_OVERLAP ? best[1] : null;
+    const tracks = (this.frame?.tracks ?? []).filter((track) => track.shown && track.state !== "lost");
+    const pairs = tracks.flatMap((track) => seen.map((person) => [overlap(person.box, track.box), track.id, person]))
+      .filter(([share]) => share > LEAST_OVERLAP)
+      .sort(([one], [other]) => other - one);
+    const names = new Map();
+    const given = new Set();
+    for (const [, id, person] of pairs) {
+      if (names.has(person) || given.has(id)) continue;
+      names.set(person, id);
+      given.add(id);
+    }
+    return names;
   }
 
   draw() {
@@ -85,19 +95,22 @@ export class Above {
     canvas.height = Math.round(canvas.clientHeight * density);
     this.unit = density;
     this.scale = Math.min(canvas.width, canvas.height) / ACROSS_M;
-    const followed = this.followed();
+    const names = this.names();
+    const target = this.frame?.target?.id;
+    const followed = [...names].find(([, id]) => id === target)?.[0] ?? null;
     this.drawGround();
     for (const thing of world.obstacles) this.drawObstacle(thing);
     for (const person of truth.people) this.drawTrail(person.id, () => ROLE_COLOURS[person.role], 1.5);
     this.drawTrail("robot", (state) => STATE_COLOURS[state], 3);
     if (followed) this.drawTie(followed);
-    for (const person of truth.people) this.drawPerson(person, person === followed);
+    for (const person of truth.people) this.drawPerson(person, names.get(person), person === followed);
     this.drawRobot();
     this.caption.textContent = `${world.scenario}, seed ${world.seed} \u00b7 ${truth.t_s.toFixed(0)} s \u00b7 `
       + `${truth.linear_mps.toFixed(2)} m/s \u00b7 ${truth.contacts} contacts`;
     // For those who look from outside, screen readers and tests.
     canvas.dataset.followed = followed?.id ?? "";
     canvas.dataset.people = JSON.stringify(truth.people.filter((one) => one.box).map((one) => [one.id, ...one.box]));
+    canvas.dataset.names = JSON.stringify([...names].map(([person, id]) => [person.id, id]));
     canvas.dataset.speed = truth.linear_mps;
     canvas.dataset.time = truth.t_s;
   }
@@ -172,7 +185,7 @@ export class Above {
     context.setLineDash([]);
   }
 
-  drawPerson({ id, role, pose: [x, y, heading], radius }, isFollowed) {
+  drawPerson({ role, pose: [x, y, heading], radius }, name, isFollowed) {
     const { context, unit, scale } = this;
     const [left, top] = this.at(x, y);
     this.drawDisc(left, top, radius * scale, ROLE_COLOURS[role]);
@@ -186,8 +199,7 @@ export class Above {
     }
     context.fillStyle = isFollowed ? "#ffffff" : ROLE_COLOURS[role];
     context.font = `600 ${12 * unit}px system-ui, sans-serif`;
-    const name = role === "other" ? `${id}` : `${id} ${role}`;
-    const text = isFollowed ? `${name} \u00b7 followed` : name;
+    const text = [name, ROLE_WORDS[role], isFollowed && "followed"].filter(Boolean).join(" \u00b7 ");
     const room = this.canvas.width - context.measureText(text).width - 6 * unit;
     context.fillText(text, Math.min(left + radius * scale + 7 * unit, room), top - radius * scale - 6 * unit);
   }

@@ -3,15 +3,18 @@
 import { Above } from "./above.js";
 import { Link } from "./link.js";
 import { Panel } from "./panel.js";
+import { People } from "./people.js";
 import { Picture } from "./picture.js";
 
 const STOP_RETRY_MS = 500;
 const REQUEST_TIMEOUT_MS = 3000;
 const TICK_MS = 200;
 
-const picture = new Picture(document.getElementById("picture"));
-const panel = new Panel((person) => followPerson(person));
-const above = new Above(document.getElementById("above"));
+const element = (id) => document.getElementById(id);
+const picture = new Picture(element("picture"));
+const panel = new Panel();
+const people = new People(element("people"), (person) => followPerson(person));
+const above = new Above(element("above"));
 const nextFrame = () => new Promise(requestAnimationFrame);
 
 const link = new Link(
@@ -19,12 +22,14 @@ const link = new Link(
     await nextFrame();
     if (!bitmap) return;
     picture.show(header, bitmap);
-    panel.showFrame(header, picture.people());
+    panel.showFrame(header);
+    people.show(picture.people(), header.target?.id, header.tracker);
     above.showFrame(header);
   },
   {
     status: (status) => {
       panel.update(status);
+      panel.tick(link);
       above.showState(status.follower?.state);
     },
     "sim-world": (world) => above.showWorld(world),
@@ -33,7 +38,9 @@ const link = new Link(
 );
 setInterval(() => {
   panel.tick(link);
+  people.tick();
   above.tick();
+  element("view-map").hidden = above.stage.hidden;
 }, TICK_MS);
 
 async function post(path, body = {}) {
@@ -51,16 +58,17 @@ async function post(path, body = {}) {
 async function choose(request) {
   try {
     const target = await post("/api/target", request);
-    const who = target.track_id ? `Following person ${target.track_id}` : "Following nobody";
-    panel.toast(target.mode === "nearest" && !target.track_id ? "Following the next person in sight" : who);
+    const awaited = { nearest: "Following the next person in sight", point: "Looking for somebody there" };
+    panel.toast(target.track_id ? `Following person ${target.track_id}` : awaited[target.mode] ?? "Following nobody");
   } catch (error) {
+    picture.answered();
     panel.toast(error.message, "bad");
   }
 }
 
 function followPerson(person) {
   // The tracker's name goes along, so that 7 cannot mean another 7 after a restart.
-  choose({ mode: "id", track_id: person.id, tracker: picture.header.tracker });
+  choose({ mode: "id", track_id: person.id, tracker: person.tracker ?? picture.header.tracker });
 }
 
 // A stop is tried again until the service has it; a resume ends that.
@@ -69,14 +77,16 @@ let stopping = 0;
 async function stop() {
   stopping += 1;
   const attempt = stopping;
+  panel.press();
   while (attempt === stopping) {
     try {
       await post("/api/stop");
-      panel.unsentStop = "";
+      panel.sent();
       return;
     } catch {
       panel.unsentStop = "STOP does not get through to the web service: use the robot\u2019s own switch";
       panel.tick(link);
+      panel.showStop();
     }
     await new Promise((resolve) => setTimeout(resolve, STOP_RETRY_MS));
   }
@@ -84,7 +94,7 @@ async function stop() {
 
 async function resume() {
   stopping += 1;
-  panel.unsentStop = "";
+  panel.release();
   try {
     await post("/api/resume");
   } catch (error) {
@@ -96,13 +106,24 @@ picture.canvas.addEventListener("click", (event) => {
   if (!picture.header) return;
   const [x, y] = picture.locate(event);
   const person = picture.personAt(x, y);
-  if (person) followPerson(person);
-  else choose({ mode: "point", x_px: x, y_px: y });
+  if (person) {
+    followPerson(person);
+    return;
+  }
+  picture.expect(x, y);
+  choose({ mode: "point", x_px: x, y_px: y });
 });
-document.getElementById("nearest").onclick = () => choose({ mode: "nearest" });
-document.getElementById("none").onclick = () => choose({ mode: "none" });
-document.getElementById("stop").onclick = stop;
-document.getElementById("resume").onclick = resume;
+element("nearest").onclick = () => choose({ mode: "nearest" });
+element("none").onclick = () => choose({ mode: "none" });
+element("stop").onclick = stop;
+element("resume").onclick = resume;
+element("view-map").onclick = () => {
+  const stages = element("stages");
+  const map = stages.dataset.show !== "map";
+  stages.dataset.show = map ? "map" : "picture";
+  element("view-map").textContent = map ? "Picture" : "Map";
+  above.draw();
+};
 addEventListener("keydown", (event) => {
   if (event.key === "Escape" && !event.repeat) stop();
 });

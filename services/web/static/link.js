@@ -3,6 +3,8 @@
 const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 5000;
 const SILENT_MS = 3000;
+// Four times as long as between two words of the service: what is shown is old by then.
+const DOUBTFUL_MS = 800;
 
 export class Link {
   /**
@@ -25,6 +27,12 @@ export class Link {
     document.addEventListener("visibilitychange", () => document.hidden || this.retryNow());
     setInterval(() => this.checkSilence(), 500);
     this.connect();
+  }
+
+  /** Seconds without a word from a service that is still connected; 0 while it speaks. */
+  get silentS() {
+    const silent = performance.now() - this.heardAt;
+    return this.connected && silent > DOUBTFUL_MS ? silent / 1000 : 0;
   }
 
   connect() {

@@ -4,6 +4,8 @@ const TRAIL_POINTS = 45;
 const TRAIL_FRAMES = 75;
 const UNSURE_BELOW = 0.6;
 const TARGET_COLOUR = "#ffffff";
+const PENDING_COLOUR = "#9cd0ff";
+const EXPECTED_MS = 1500;
 
 export const colourOf = (id) => `hsl(${(id * 137.508) % 360} 90% 67%)`;
 
@@ -15,6 +17,7 @@ export class Picture {
     this.header = null;
     this.source = "";
     this.trails = new Map();
+    this.expected = null;
     new ResizeObserver(() => this.fit()).observe(canvas);
   }
 
@@ -107,9 +110,66 @@ export class Picture {
     for (const person of ordered) this.drawBox(person, isTarget(person));
     this.labels = [];
     for (const person of ordered.reverse()) this.drawLabel(person, isTarget(person) ? header.target : null);
+    this.drawPending();
     // For those who look from outside, screen readers and tests.
     canvas.dataset.seq = header.seq;
     canvas.dataset.boxes = JSON.stringify(people.map((person) => [person.id, ...person.box]));
+  }
+
+  /** Somebody was pointed at where nobody is tracked yet: shown until the follower tells where. */
+  expect(x, y) {
+    this.expected = { x, y, until: performance.now() + EXPECTED_MS };
+    if (this.header) this.draw();
+  }
+
+  /** The follower has answered: from now on its word counts. */
+  answered() {
+    this.expected = null;
+    if (this.header) this.draw();
+  }
+
+  /** Where somebody is looked for: the follower's own place, which goes along with the picture. */
+  pendingPlace() {
+    if (this.header.pending) return this.header.pending;
+    const { expected } = this;
+    return expected && performance.now() < expected.until ? [expected.x, expected.y] : null;
+  }
+
+  drawPending() {
+    const { context, canvas, unit } = this;
+    const place = this.pendingPlace();
+    canvas.dataset.pending = place ? JSON.stringify(place) : "";
+    if (!place) return;
+    const [x, y] = [place[0] * this.scaleX, place[1] * this.scaleY];
+    const turn = (performance.now() / 400) % (2 * Math.PI);
+    for (const [colour, width] of [["#0b0f14", 6], [PENDING_COLOUR, 3]]) {
+      context.strokeStyle = colour;
+      context.lineWidth = width * unit;
+      context.lineCap = "round";
+      for (let part = 0; part < 3; part += 1) {
+        const from = turn + (part * 2 * Math.PI) / 3;
+        context.beginPath();
+        context.arc(x, y, 20 * unit, from, from + 1.3);
+        context.stroke();
+      }
+    }
+    this.drawTag("looking for somebody there", x, y + 34 * unit, PENDING_COLOUR);
+  }
+
+  drawTag(text, x, y, colour) {
+    const { context, canvas, unit } = this;
+    context.font = `600 ${13 * unit}px system-ui, sans-serif`;
+    context.textBaseline = "middle";
+    const width = context.measureText(text).width + 12 * unit;
+    const height = 21 * unit;
+    const left = Math.max(0, Math.min(x - width / 2, canvas.width - width));
+    const top = Math.max(0, Math.min(y - height / 2, canvas.height - height));
+    context.fillStyle = colour;
+    context.beginPath();
+    context.roundRect(left, top, width, height, 5 * unit);
+    context.fill();
+    context.fillStyle = "#0b0f14";
+    context.fillText(text, left + 6 * unit, top + height / 2 + unit);
   }
 
   drawTrail(person) {

@@ -130,7 +130,7 @@ def test_what_stands_between_two_that_are_there_is_missed() -> None:
     beats(watch, 1.0, "capture", "tracker", "follower")
     assert [p.words for p in watch.missing((), 1.0)] == ["detector: not there"]
     assert [p.words for p in watch.missing(["drive"], 1.0)] == [
-        "detector: not there", "drive: not there",
+        "detector: not there", "drive: gone",
     ]  # fmt: skip
 
 

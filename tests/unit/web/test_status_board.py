@@ -2,8 +2,9 @@ from __future__ import annotations
 
 import json
 
-from schemas import EndOfStream, Health, MotionCommand
-from services.web.status import MAX_SERVICES, StatusBoard
+from schemas import DriveState, EndOfStream, Health, MotionCommand
+from services.runtime.chain import MAX_PARTS
+from services.web.status import StatusBoard
 from tests.unit.web.web_builders import follow_state, header
 
 
@@ -43,10 +44,75 @@ def test_an_ended_stream_stays_ended_until_another_begins() -> None:
 
 def test_services_are_bounded_and_forgotten() -> None:
     board = StatusBoard("front", 1.0)
+    board.health(health("tracker"), 0.0)
     for n in range(100):
-        board.health(health("tracker", f"i{n}"), float(n) * 0.1)
-    assert len(board.compose(10.0)["services"]) == MAX_SERVICES
+        board.health(health(f"x{n}"), 0.1)
+        board.health(health("drive", f"i{n}"), 0.1)
+    rows = board.compose(0.2)["services"]
+    assert len(rows) <= MAX_PARTS
+    assert rows[0]["service"] == "tracker", "the chain's own stay, in the chain's order"
+    assert board.compose(0.2)["unlisted"] > 100
     assert board.compose(100.0)["services"] == []
+
+
+def test_a_notice_is_its_senders_and_one_line() -> None:
+    board = StatusBoard("front", 1.0)
+    hostile = "update\x1b[2J\nnow" + "x" * 500
+    for n in range(9):
+        board.health(health(f"x{n}").model_copy(update={"details": {"notice": hostile}}), 1.0)
+    board.health(health("simulator").model_copy(update={"details": {"notice": "boxes"}}), 1.0)
+    notices = board.compose(1.1)["notices"]
+    assert notices[0] == {"service": "simulator", "text": "boxes"}
+    assert len(notices) == 3
+    assert notices[1]["service"].startswith("x")
+    assert notices[1]["text"].isprintable()
+    assert len(notices[1]["text"]) <= 200
+    assert board.compose(9.0)["notices"] == []
+
+
+def test_what_the_follower_knows_is_passed_on() -> None:
+    board = StatusBoard("front", 1.0)
+    board.follower = follow_state(3, "tracker/main@0123abcd").model_copy(
+        update={"distance_m": 1.5, "identity_confidence": 0.9, "runner_up_confidence": 0.2,
+                "speed_reason": "at distance", "obstacle_watch": True, "free_distance_m": 3.0,
+                "pending_point_px": (3.0, 4.0)}
+    )  # fmt: skip
+    told = board.compose(1.0)["follower"]
+    assert (told["distance_m"], told["runner_up_confidence"]) == (1.5, 0.2)
+    assert (told["speed_reason"], told["obstacle_watch"]) == ("at distance", True)
+    assert told["pending_point_px"] == [3.0, 4.0]
+
+
+def drive(estop: bool) -> DriveState:
+    return DriveState(
+        seq=1, state="stopped", reason="emergency stop", estop=estop, driver="log",
+        linear_mps=0.0, angular_radps=0.0,
+    )  # fmt: skip
+
+
+def test_a_stop_is_confirmed_by_the_drive_wherever_one_was_heard() -> None:
+    board = StatusBoard("front", 1.0)
+    board.follower = follow_state(estop=True)
+    assert board.stop(True, 1.0) == {"confirmed_by": "follower", "unconfirmed_s": None}
+    board.drive(drive(estop=False), 2.0)
+    assert board.stop(True, 2.1) == {"confirmed_by": None, "unconfirmed_s": 0.0}
+    assert board.stop(True, 3.2)["unconfirmed_s"] == 1.1
+    board.drive(drive(estop=True), 3.3)
+    assert board.stop(True, 3.4) == {"confirmed_by": "drive", "unconfirmed_s": None}
+    assert board.stop(True, 9.0)["confirmed_by"] is None, (
+        "a drive that fell silent confirms nothing"
+    )
+    assert board.stop(False, 9.1) == {"confirmed_by": None, "unconfirmed_s": None}
+
+
+def test_problems_are_told_and_not_those_of_a_stream_that_has_ended() -> None:
+    board = StatusBoard("front", 1.0)
+    board.health(health("tracker").model_copy(update={"period_s": 0.25}), 0.0)
+    board.health(health("drive").model_copy(update={"period_s": 0.25}), 3.0)
+    assert [one.words for one in board.problems(3.0)] == ["tracker: silent for 3 s"]
+    board.image(header(9, epoch=1), 1.0)
+    board.end(EndOfStream(stream="front", epoch=1, frames=10, reason="end of file"))
+    assert board.problems(3.0) == []
 
 
 def test_status_is_plain_json() -> None:

@@ -45,8 +45,9 @@ def test_notices_last_as_long_as_their_service() -> None:
 
     say("ok", 1.0)
     (notice,) = board.compose(2.0)["notices"]
-    assert notice.startswith("not seen in pixels!")
-    assert len(notice) <= 200
+    assert notice["service"] == "simulator"
+    assert notice["text"].startswith("not seen in pixels!")
+    assert len(notice["text"]) <= 200
     assert board.compose(20.0)["notices"] == []
     say("ok", 21.0)
     assert board.compose(21.0)["notices"]
