@@ -186,7 +186,7 @@ def test_stop_works_without_a_stream_and_resume_appears_only_then(
         assert not chrome.find_element("id", "resume").is_displayed()
         chrome.find_element("id", "stop").click()
         assert _estop(stops).engaged
-        shows(chrome, "banners", "no follower has confirmed it")
+        shows(chrome, "banners", "nobody has confirmed it")
         assert _estop(stops).engaged, "an unconfirmed stop is repeated"
 
         tell_state(session, estop=True)
