@@ -81,8 +81,8 @@ class Inbox:
 
     def subscribe(self, topic: str, key: str, qos: TopicQos) -> None:
         """Receive `key` under the name `topic`."""
-        ring = RingChannel(qos.capacity)
-        self._keep(topic, self._session.declare_subscriber(key, ring), qos.capacity, qos.max_bytes)
+        subscriber = self._session.declare_subscriber(key, RingChannel(qos.capacity))
+        self._keep(topic, subscriber, qos.capacity, qos.max_bytes)
 
     def subscribe_alive(self, topic: str, key: str, capacity: int = 64) -> None:
         """Receive liveliness tokens, those that are there already included, as `topic`."""
