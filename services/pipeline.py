@@ -125,14 +125,15 @@ def _camera_info(tracks: Tracks, camera: Mounting) -> CameraInfo:
 
 def load_pipeline(
     preset: str, target: str, file: Path | None, detector_name: str | None = None,
-    model: Path | None = None,
+    model: Path | None = None, model_class: int | None = None,
 ) -> tuple[FollowingPipeline, dict[str, Any]]:  # fmt: skip
     """The cores with the settings that the processes would read, and those settings to show.
 
     Raises:
         SettingsError: as `load_settings`.
     """
-    flags = {"preset": preset, "detector": detector_name, "model": model}
+    flags = {"preset": preset, "detector": detector_name, "model": model,
+             "model_class": model_class}  # fmt: skip
     detector: Loaded[DetectorServiceSettings] = load_settings(
         "detector", DetectorServiceSettings, {"detector": flags}, file
     )

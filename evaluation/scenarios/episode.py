@@ -46,19 +46,23 @@ class StackSettings:
 
 
 def load_stack(
-    mode: Mode, file: Path | None, detector_name: str | None = None, model: Path | None = None
+    mode: Mode,
+    file: Path | None,
+    detector_name: str | None = None,
+    model: Path | None = None,
+    model_class: int | None = None,
 ) -> StackSettings:
     """The settings as the processes would load them.
 
     Args:
         mode: what stands for the camera.
         file: settings file of the services.
-        detector_name, model: of the detector, before what the file says.
+        detector_name, model, model_class: of the detector, before what the file says.
 
     Raises:
         SettingsError: as `load_settings`.
     """
-    flags = {"detector": detector_name, "model": model}
+    flags = {"detector": detector_name, "model": model, "model_class": model_class}
     detector: Loaded[DetectorServiceSettings] = load_settings(
         "detector", DetectorServiceSettings, {"detector": flags}, file
     )

@@ -50,6 +50,10 @@ def demo(
     model: Annotated[
         Path | None, typer.Option(help="ONNX network that finds people", metavar="FILE")
     ] = None,
+    model_class: Annotated[
+        int | None,
+        typer.Option(help="its class that is a person, where the file names none", metavar="N"),
+    ] = None,
     scene: Annotated[
         bool, typer.Option("--scene", help="play the drawn scene of a standing camera instead")
     ] = False,
@@ -67,6 +71,7 @@ def demo(
         options = RunOptions(
             source="scene:demo" if scene else "", out=folder, delivery="live", loop=loop,
             seconds=seconds, web_port=port, on_page=on_page, detector=detector, model=model,
+            model_class=model_class,
             target="nearest" if scene else "none",
         )  # fmt: skip
         if scene:

@@ -43,6 +43,10 @@ def run(
     model: Annotated[
         Path | None, typer.Option(help="ONNX network that finds people", metavar="FILE")
     ] = None,
+    model_class: Annotated[
+        int | None,
+        typer.Option(help="its class that is a person, where the file names none", metavar="N"),
+    ] = None,
     annotate: Annotated[
         bool, typer.Option("--annotate", help="write annotated.mp4 as well")
     ] = False,
@@ -71,7 +75,7 @@ def run(
         )
     options = RunOptions(
         source=source, out=out, delivery="lossless" if lossless else "live", preset=preset,
-        detector=detector, model=model,
+        detector=detector, model=model, model_class=model_class,
         annotate=annotate, target=target, scale=scale, fps=fps, loop=loop, frames=frames,
         seconds=seconds, web_port=web, config=config, on_page=_print_page,
     )  # fmt: skip

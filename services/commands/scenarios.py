@@ -44,6 +44,10 @@ _Detector = Annotated[
 _Model = Annotated[
     Path | None, typer.Option(help="--pixels: ONNX network that finds people", metavar="FILE")
 ]
+_ModelClass = Annotated[
+    int | None,
+    typer.Option(help="its class that is a person, where the file names none", metavar="N"),
+]
 _Processes = Annotated[
     bool,
     typer.Option(
@@ -66,8 +70,8 @@ _Config = Annotated[Path | None, typer.Option(help="settings file (TOML)", metav
 def scenarios(
     episodes: _Episodes = 42, seed: _Seed = 0, jobs: _Jobs = None, scenario: _Scenario = None,
     boxes: _Boxes = True, detector: _Detector = None, model: _Model = None,
-    processes: _Processes = False, as_json: _Json = False, out: _Out = None,
-    video: _Video = False, config: _Config = None,
+    model_class: _ModelClass = None, processes: _Processes = False, as_json: _Json = False,
+    out: _Out = None, video: _Video = False, config: _Config = None,
 ) -> None:  # fmt: skip
     """Follow people through simulated scenarios, and score it."""
     from evaluation.scenarios.parallel import spread
@@ -86,7 +90,8 @@ def scenarios(
         raise typer.Exit(guarded(lambda: _run_processes(tasks, seed, config, as_json, out)))
     from evaluation.scenarios.episode import load_stack
 
-    _run_cores(tasks, seed, load_stack(mode, config, detector, model), jobs, as_json, out)
+    stack = load_stack(mode, config, detector, model, model_class)
+    _run_cores(tasks, seed, stack, jobs, as_json, out)
 
 
 def _check(names: list[str], boxes: bool, processes: bool, video: bool, out: Path | None) -> None:

@@ -40,6 +40,11 @@ class DetectorSettings(BaseModel):
     model: Path | None = Field(
         default=None, description="network that finds people, an ONNX file (onnx, auto)"
     )
+    model_class: Annotated[int, Field(ge=0, le=100_000)] | None = Field(
+        default=None,
+        description="onnx: number of the class that is a person, from 0, for a file that does not "
+        "name its classes",
+    )
     model_score: Annotated[float, Field(gt=0, lt=1)] = Field(
         default=0.3, description="onnx: least score of a person"
     )

@@ -30,4 +30,5 @@ def check_settings(options: RunOptions) -> None:
     Raises:
         SettingsError: a setting, the detector or its model is not what it should be.
     """
-    load_pipeline(options.preset, options.target, options.config, options.detector, options.model)
+    load_pipeline(options.preset, options.target, options.config, options.detector, options.model,
+                  options.model_class)  # fmt: skip

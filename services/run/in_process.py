@@ -33,7 +33,12 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
             raise HeelError(f"{frames.source.name}: --in-process takes recordings, not cameras")
         outputs = stack.enter_context(RunOutputs(options.out, summary, options.annotate))
         pipeline, summary.settings = load_pipeline(
-            options.preset, options.target, options.config, options.detector, options.model
+            options.preset,
+            options.target,
+            options.config,
+            options.detector,
+            options.model,
+            options.model_class,
         )
         progress = stack.enter_context(RunProgress(options.progress))
         process.spare_from_collection()

@@ -22,6 +22,7 @@ class RunOptions:
     preset: Literal["default", "paper"] = "default"
     detector: str | None = None
     model: Path | None = None
+    model_class: int | None = None
     annotate: bool = False
     target: Literal["none", "nearest"] = "nearest"
     scale: float = 1.0
@@ -40,6 +41,7 @@ class RunOptions:
         flags = ["--preset", self.preset]
         flags += ["--detector", self.detector] if self.detector is not None else []
         flags += ["--model", str(self.model)] if self.model is not None else []
+        flags += ["--model-class", str(self.model_class)] if self.model_class is not None else []
         return flags
 
     def capture_flags(self) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ from services.detector.neural.attention import Attention
 from services.detector.neural.between import Between, Seen
 from services.detector.neural.budget import Budget
 from services.detector.neural.expectation import CameraPath, confirmed_people, newcomers
+from services.detector.neural.known_files import doubtful
 from services.detector.neural.looking import look, nobody, together
 from services.detector.neural.model import Detections, PersonModel
 from services.detector.neural.packing import person_blobs
@@ -28,6 +30,7 @@ from services.detector.neural.views import View, Views
 from services.detector.regions import smoothed
 from services.detector.settings import DetectorSettings
 
+_log = logging.getLogger("heel.detector")
 Clock = Callable[[], float]
 """Seconds, of any origin."""
 
@@ -61,7 +64,10 @@ class NeuralDetector:
         """
         if settings.model is None:
             raise SettingsError("detector onnx needs --model FILE: an ONNX network, see the README")
-        self._model = PersonModel(Path(settings.model))
+        self._model = PersonModel(Path(settings.model), settings.model_class)
+        _log.info("network %s: %s", settings.model, self._model.description)
+        if (doubt := doubtful(Path(settings.model))) is not None:
+            _log.warning("network %s: %s", settings.model, doubt)
         self._settings = settings
         self._clock = clock
         self._budget = Budget(settings.model_budget_ms if clock is not None else 0.0)

@@ -1,13 +1,15 @@
 """What the numbers that come out of a detection network mean.
 
-YOLOX (Z. Ge et al., "YOLOX: Exceeding YOLO series in 2021") gives one row per grid cell: offset,
-logarithmic size, objectness, class scores; some exports have decoded offset and size already.
-YOLOv8-style networks give one column per grid cell: centre, size and class scores, decoded.
-Both have cells of 8, 16 and 32 pixels, and the class `person` first (COCO).
+Two layouts are read, whichever way they are turned: a box and class scores (YOLOv8 and its
+successors), and a box, objectness and class scores. The latter is YOLOX's, with offset and
+logarithmic size in a grid cell (Z. Ge et al., "YOLOX: Exceeding YOLO series in 2021") or decoded
+already; YOLOv6's, whose objectness is 1; and YOLOv5's and YOLOv7's, with three rows a cell. They
+want different pixels, so that none is taken for another.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,12 +17,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.errors import SettingsError
+from services.detector.neural.classes import person_classes
+from services.detector.neural.onnx_file import OnnxFile
 
 Floats = NDArray[np.float32]
-HeadName = Literal["yolox", "yolox-decoded", "yolov8"]
+HeadName = Literal["yolox", "yolox-decoded", "yolov8", "yolov6", "yolov5"]
 STRIDES = (8, 16, 32)
+_GRIDS = (STRIDES, (*STRIDES, 64), (4, *STRIDES))
+"""Of networks that decode by themselves: P5, P6 and P2."""
+_ANCHORS = 3
 _RAW_OFFSET_LIMIT = 16.0
 """Offsets within a cell stay far below this, positions in a picture go far beyond it."""
+_UNIT_LIMIT = 2.0
+"""Positions that never pass this are shares of the picture's sides, not pixels."""
+_GRID_CORRELATION = 0.8
+"""Decoded centres lie about their cells, raw offsets know nothing of them: 0.96 to 1.0 and -0.5 to
+-0.1 with two YOLOX networks on pictures of nobody."""
+_SURE_OF_THE_CLASS = 0.01
+"""YOLOX's class scores are those of a thing if there is one, and high where there is none (0.15 to
+0.5 with the same two); scores without objectness are near 0 there."""
+_MASKS, _POSE_COLUMNS, _COCO_PLAIN, _COCO_OBJECTNESS = 32, 56, 84, 85
+_ROUNDING = 1e-3
+_READ = "YOLOX, YOLOv5 to YOLOv8, YOLO11 and YOLO12 are read"
 
 
 @dataclass(frozen=True)
@@ -36,58 +54,253 @@ class InputForm:
     rgb: bool
 
 
-FORMS: dict[HeadName, InputForm] = {
-    "yolox": InputForm(1.0, False),
-    "yolox-decoded": InputForm(1.0, False),
-    "yolov8": InputForm(1.0 / 255.0, True),
+BYTES_BGR, UNIT_RGB = InputForm(1.0, False), InputForm(1.0 / 255.0, True)
+_TITLES: dict[HeadName, str] = {
+    "yolox": "YOLOX (release 0.1.1rc0 or newer; older weights want other pixels)",
+    "yolox-decoded": "YOLOX, decoded (release 0.1.1rc0 or newer; older weights want other pixels)",
+    "yolov8": "YOLOv8 and alike",
+    "yolov6": "YOLOv6",
+    "yolov5": "YOLOv5 or YOLOv7",
 }
 
 
-def cells(width: int, height: int) -> int:
+@dataclass(frozen=True)
+class Head:
+    """How one output is read.
+
+    Attributes:
+        name: the kind.
+        output: name of the output that holds the boxes.
+        turned: (1, columns, N) instead of (1, N, columns).
+        unit_boxes: positions are shares of the picture's sides.
+        people: columns of the class scores that are people.
+        why: why those, in words.
+    """
+
+    name: HeadName
+    output: str
+    turned: bool
+    unit_boxes: bool
+    people: tuple[int, ...]
+    why: str
+
+    @property
+    def form(self) -> InputForm:
+        """How it wants its pixels."""
+        return BYTES_BGR if self.name in ("yolox", "yolox-decoded") else UNIT_RGB
+
+    @property
+    def title(self) -> str:
+        """The kind, for people."""
+        return _TITLES[self.name]
+
+
+def cells(width: int, height: int, strides: Sequence[int] = STRIDES) -> int:
     """Number of grid cells of an input of this size."""
-    return sum((width // stride) * (height // stride) for stride in STRIDES)
+    return sum((width // stride) * (height // stride) for stride in strides)
 
 
-def recognise(output: Floats, width: int, height: int) -> HeadName:
-    """Which head made the output of a probe.
+def recognise(
+    file: OnnxFile, probes: Sequence[Mapping[str, Floats]], chosen_class: int | None = None
+) -> Head:
+    """Which head made the outputs of some probes.
 
     Args:
-        output: (1, N, 5 + classes) or (1, 4 + classes, N).
-        width: of the input, pixels.
-        height: of the input, pixels.
+        file: what the file says of itself.
+        probes: outputs by name, for pictures that show nobody.
+        chosen_class: class that the user says is a person.
 
     Raises:
-        SettingsError: neither fits.
+        SettingsError: none that is read, or nothing tells what its classes are.
     """
-    count = cells(width, height)
-    if output.ndim == 3 and output.shape[1] == count and output.shape[2] >= 6:
-        decoded = float(np.abs(output[0, :, :2]).max()) > _RAW_OFFSET_LIMIT
-        return "yolox-decoded" if decoded else "yolox"
-    if output.ndim == 3 and output.shape[2] == count and output.shape[1] >= 5:
-        return "yolov8"
-    shape = "x".join(str(side) for side in output.shape)
+    shapes = {name: output.shape for name, output in probes[0].items()}
+    if file.task in ("classify", "obb"):
+        kind = "a classifier: it finds no boxes" if file.task == "classify" else "turned boxes"
+        raise SettingsError(f"a network for {kind}; {_READ}")
+    name, turned = _output_with_boxes(file, shapes)
+    tables = [_rows(probe[name], turned) for probe in probes]
+    rows = len(tables[0])
+    masks = any(len(shape) == 4 and shape[1] == _MASKS for shape in shapes.values())
+    anchors = rows == _ANCHORS * cells(file.width, file.height)
+    decoded = _is_decoded(tables, file.width, file.height)
+    objectness, classes = _layout(file, tables, turned, anchors, decoded, masks)
+    kind = _kind(tables, objectness, anchors, decoded)
+    first = 5 if objectness else 4
+    _check_scores(tables, first - objectness, first + classes)
+    try:
+        found = person_classes(file.class_names, classes, chosen_class)
+    except SettingsError as error:
+        raise SettingsError(f"head of {_TITLES[kind]}: {error}") from None
+    most = max(float(np.abs(table[:, :2]).max()) for table in tables)
+    unit_boxes = kind != "yolox" and 0.0 < most <= _UNIT_LIMIT
+    columns_of_people = tuple(first + column for column in found.columns)
+    return Head(kind, name, turned, unit_boxes, columns_of_people, found.why)
+
+
+def people(output: Floats, head: Head, width: int, height: int) -> tuple[Floats, Floats]:
+    """Boxes (N, 4) xyxy in input pixels and scores (N,) in [0, 1] of the people's classes."""
+    rows = _rows(output, head.turned)
+    centre, size = rows[:, :2], rows[:, 2:4]
+    if head.name == "yolox":
+        corner, stride = _grid(width, height)
+        centre, size = (centre + corner) * stride, np.exp(np.minimum(size, 12.0)) * stride
+    elif head.unit_boxes:
+        sides = np.array([width, height], np.float32)
+        centre, size = centre * sides, size * sides
+    scores = rows[:, list(head.people)].max(axis=1)
+    if head.name != "yolov8":
+        scores = scores * rows[:, 4]
+    boxes = np.concatenate([centre - 0.5 * size, centre + 0.5 * size], axis=1)
+    return boxes.astype(np.float32), scores.astype(np.float32)
+
+
+def _rows(output: Floats, turned: bool) -> Floats:
+    rows: Floats = output[0].T if turned else output[0]
+    return rows
+
+
+def _output_with_boxes(file: OnnxFile, shapes: dict[str, tuple[int, ...]]) -> tuple[str, bool]:
+    """The one output with a row or a column a cell, and whether it is columns."""
+    counts = {cells(file.width, file.height, strides) for strides in _GRIDS}
+    counts.add(_ANCHORS * cells(file.width, file.height))
+    flat = {name: shape for name, shape in shapes.items() if len(shape) == 3}
+    found = []
+    for name, shape in flat.items():
+        if shape[1] in counts and shape[2] >= 5:
+            found.append((name, False))
+        elif shape[2] in counts and shape[1] >= 5:
+            found.append((name, True))
+    # What comes beside it may be masks and single grids, no second list of boxes or scores.
+    if len(found) == 1 and len(flat) == 1:
+        rows = max(flat[found[0][0]][1:])
+        if all(rows not in shape for name, shape in shapes.items() if name not in flat):
+            return found[0]
+    raise SettingsError(_refusal(file, list(shapes.values())))
+
+
+def _layout(
+    file: OnnxFile, tables: list[Floats], turned: bool, anchors: bool, decoded: bool, masks: bool
+) -> tuple[bool, int]:
+    """Whether there is objectness, and the number of classes."""
+    columns = tables[0].shape[1]
+    if file.class_names is not None:
+        count = len(file.class_names)
+        extra = columns - 4 - count
+        if extra in (1, 1 + _MASKS):
+            return True, count
+        if extra == 0 or extra == _MASKS or (file.task == "pose" and extra > 0 and extra % 2 == 0):
+            return False, count
+        if file.task == "pose" and extra % 3 == 0:
+            return False, count
+        raise SettingsError(
+            f"{columns} columns do not fit the {count} class names in the file: export it again; "
+            f"{_READ}"
+        )
+    columns -= _MASKS if masks else 0
+    if columns == _POSE_COLUMNS:
+        return False, 1
+    if anchors:
+        return True, columns - 5
+    if turned or columns in (5, _COCO_PLAIN):
+        return False, columns - 4
+    sure = max(float(np.median(table[:, 5:].max(axis=1))) for table in tables)
+    if columns == _COCO_OBJECTNESS or not decoded or sure > _SURE_OF_THE_CLASS:
+        return True, columns - 5
     raise SettingsError(
-        f"an output of {shape} for an input of {width}x{height} is neither YOLOX's "
-        f"(1x{count}x(5+classes)) nor YOLOv8's (1x(4+classes)x{count}): export the network "
-        "without its own non-maximum suppression"
+        f"nothing tells whether its {columns} columns are YOLOX's (objectness and {columns - 5} "
+        f"classes) or YOLOv8's, transposed ({columns - 4} classes): export YOLOX without "
+        "--decode_in_inference, or YOLOv8 with its metadata"
     )
 
 
-def people(output: Floats, head: HeadName, width: int, height: int) -> tuple[Floats, Floats]:
-    """Boxes (N, 4) xyxy in input pixels and scores (N,) in [0, 1] of the class `person`."""
-    if head == "yolov8":
-        columns = output[0].T
-        return _corners(columns[:, :2], columns[:, 2:4]), columns[:, 4]
-    rows = output[0]
-    centre, size = rows[:, :2], rows[:, 2:4]
-    if head == "yolox":
-        corner, stride = _grid(width, height)
-        centre, size = (centre + corner) * stride, np.exp(np.minimum(size, 12.0)) * stride
-    return _corners(centre, size), rows[:, 4] * rows[:, 5]
+def _kind(tables: list[Floats], objectness: bool, anchors: bool, decoded: bool) -> HeadName:
+    if not objectness:
+        return "yolov8"
+    plain = tables[0].shape[1] == _COCO_OBJECTNESS
+    if not plain and not decoded and all(_unit(table[:, :4]) for table in tables):
+        if not all(_unit(table) for table in tables):
+            raise SettingsError(f"scores first, then distances: looks like NanoDet; {_READ}")
+        raise SettingsError(
+            f"scores without boxes (a part of YOLO-NAS, PP-YOLOE or YOLOv4?); {_READ}"
+        )
+    if anchors:
+        return "yolov5"
+    if all((table[:, 4] == 1.0).all() for table in tables) and decoded:
+        return "yolov6"
+    return "yolox-decoded" if decoded else "yolox"
 
 
-def _corners(centre: Floats, size: Floats) -> Floats:
-    return np.concatenate([centre - 0.5 * size, centre + 0.5 * size], axis=1)
+def _is_decoded(tables: list[Floats], width: int, height: int) -> bool:
+    """Whether the first two columns are positions in the picture."""
+    if any(float(np.abs(table[:, :2]).max()) > _RAW_OFFSET_LIMIT for table in tables):
+        return True
+    rows = tables[0].shape[0]
+    each = _ANCHORS if rows == _ANCHORS * cells(width, height) else 1
+    places = _places(width, height, each)
+    if rows != len(places):
+        return True
+    return any(
+        abs(_correlation(table[:, axis], places[:, axis])) > _GRID_CORRELATION
+        for table in tables
+        for axis in (0, 1)
+    )
+
+
+def _correlation(a: Floats, b: Floats) -> float:
+    if not (np.isfinite(a).all() and np.std(a) > 0 and np.std(b) > 0):
+        return 0.0
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def _check_scores(tables: list[Floats], first: int, end: int) -> None:
+    scores = np.concatenate([table[:, first:end] for table in tables])
+    if not np.isfinite(scores).all():
+        raise SettingsError("scores that are no numbers (NaN or infinite): export it in float32")
+    if not _unit(scores):
+        raise SettingsError(
+            f"scores from {scores.min():.3g} to {scores.max():.3g} are no probabilities (raw "
+            f"scores, or another family such as NanoDet): export it with the sigmoid; {_READ}"
+        )
+
+
+def _unit(values: Floats) -> bool:
+    return bool((values >= -_ROUNDING).all() and (values <= 1.0 + _ROUNDING).all())
+
+
+def _refusal(file: OnnxFile, shapes: list[tuple[int, ...]]) -> str:
+    """What outputs that cannot be read look like, and what to do."""
+    shown = " and ".join("x".join(map(str, shape)) for shape in shapes[:4])
+    told = f"{len(shapes)} outputs, {shown}," if len(shapes) > 1 else f"an output of {shown}"
+    what = f"{told} for an input of {file.width}x{file.height}"
+    flat = [shape for shape in shapes if len(shape) == 3]
+    count = cells(file.width, file.height)
+    if all(len(shape) == 2 for shape in shapes):
+        return f"{what} looks like a classifier, which finds no boxes; {_READ}"
+    if len(flat) >= 2 and any(shape[-1] == 4 for shape in flat):
+        return (
+            f"{what} looks like YOLO-NAS, PP-YOLOE or DAMO-YOLO (boxes and scores apart), which is "
+            f"not read; {_READ}"
+        )
+    if len(shapes) == 1 and flat and flat[0][2] in (6, 7) and flat[0][1] != count:
+        return (
+            f"{what} looks like boxes after non-maximum suppression (YOLOv10, YOLO26, an export "
+            "with NMS): export the network without its own non-maximum suppression (nms=False, "
+            f"end2end=False); {_READ}"
+        )
+    if flat and flat[0][1] in (100, 300, 900):
+        return f"{what} looks like RT-DETR or DETR, which is not read; {_READ}"
+    if flat and flat[0][1] in {cells(file.width, file.height, strides) for strides in _GRIDS}:
+        return f"{what} looks like scores or boxes alone; {_READ}"
+    if len(shapes) > 1 and all(len(shape) >= 4 for shape in shapes):
+        return (
+            f"{what} looks like raw heads, one a grid: export the network with its head decoded "
+            f"into one output; {_READ}"
+        )
+    return (
+        f"{what} is none that is read (1x{count}x(5+classes), 1x(4+classes)x{count} and alike): "
+        "export the network without its own non-maximum suppression, with a batch of one and this "
+        f"input size; {_READ}"
+    )
 
 
 def _grid(width: int, height: int) -> tuple[Floats, Floats]:
@@ -101,3 +314,11 @@ def _grid(width: int, height: int) -> tuple[Floats, Floats]:
         np.concatenate(corners).astype(np.float32),
         np.concatenate(strides).astype(np.float32),
     )
+
+
+def _places(width: int, height: int, each: int) -> Floats:
+    """Middle of every grid cell, pixels of the input; each grid so many times over, (N, 2)."""
+    corner, stride = _grid(width, height)
+    middle = (corner + 0.5) * stride
+    grids = [middle[stride[:, 0] == one] for one in STRIDES]
+    return np.concatenate([grid for one in grids for grid in [one] * each]).astype(np.float32)

@@ -10,12 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.errors import HeelError, SettingsError
-from services.detector.neural.heads import FORMS, Floats, InputForm, people, recognise
+from services.detector.neural.heads import (
+    BYTES_BGR,
+    UNIT_RGB,
+    Floats,
+    HeadName,
+    InputForm,
+    people,
+    recognise,
+)
+from services.detector.neural.onnx_file import read_onnx_file
 from services.detector.neural.sheet import PAD_GREY, Sheet
 
 _OVERLAP = 0.45
 """Of two boxes that overlap more than this (IoU), the weaker one goes."""
-_MOST_SIDE_PX = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,37 +40,50 @@ class Detections:
 
 
 class PersonModel:
-    """A detection network, its input size and its kind of head read from the file.
+    """A detection network; input size, kind of head and person class are read from the file.
 
     Usage:
         model = PersonModel(Path("yolox_nano.onnx"))
         found = model.detect(image, least_score=0.3)
     """
 
-    def __init__(self, file: Path) -> None:
-        """Load the network and try it once.
+    def __init__(self, file: Path, person_class: int | None = None) -> None:
+        """Load the network and try it.
+
+        Args:
+            file: ONNX.
+            person_class: which class is a person, where the file does not name its classes.
 
         Raises:
-            SettingsError: the file is missing, is no ONNX network that OpenCV can run, or has
-                an input or output that is not understood.
+            SettingsError: the file is missing, is no ONNX network that OpenCV can run, has an
+                input or output that is not understood, or finds no people.
         """
-        if not file.is_file():
-            raise SettingsError(f"model {file}: no such file; give the path of an ONNX network")
-        self.width, self.height = _input_size(file)
+        told = read_onnx_file(file)
+        self.width, self.height = told.width, told.height
         try:
             self._network = cv2.dnn.readNetFromONNX(str(file))
-            blank = np.full((self.height, self.width, 3), PAD_GREY, np.uint8)
-            probe = self._run(blank, InputForm(1.0, False))
+            probes = [self._all(probe, form, told.outputs) for probe, form in self._probes()]
         except cv2.error as error:
             raise SettingsError(
                 f"model {file}: OpenCV cannot run it ({_first_line(error)}); export it for "
-                "inference, with a batch of one"
+                "inference, with a batch of one and opset 12 to 17"
             ) from None
         try:
-            self.head = recognise(probe, self.width, self.height)
+            self._head = recognise(told, probes, person_class)
         except SettingsError as error:
             raise SettingsError(f"model {file}: {error}") from None
-        self._form = FORMS[self.head]
+
+    @property
+    def head(self) -> HeadName:
+        """The kind of its head."""
+        return self._head.name
+
+    @property
+    def description(self) -> str:
+        """What was read from the file, in one line."""
+        head = self._head
+        boxes = ", boxes as shares of the picture" if head.unit_boxes else ""
+        return f"{head.title}, {self.width}x{self.height}{boxes}; people: {head.why}"
 
     def detect(self, image: NDArray[np.uint8], least_score: float) -> Detections:
         """People in a (H, W, 3) uint8 BGR picture with at least this score.
@@ -73,49 +94,34 @@ class PersonModel:
         rows, columns = image.shape[:2]
         sheet = Sheet((self.width, self.height), (columns, rows))
         try:
-            output = self._run(sheet.lay_out(image), self._form)
+            output = self._run(sheet.lay_out(image), self._head.form, self._head.output)
         except cv2.error as error:
             raise HeelError(f"the network failed: {_first_line(error)}") from None
-        boxes, scores = people(output, self.head, self.width, self.height)
+        boxes, scores = people(output, self._head, self.width, self.height)
         good = np.flatnonzero(scores >= least_score)
         boxes, scores = sheet.read(boxes[good], scores[good])
         kept = without_doubles(boxes, scores)
         return Detections(boxes[kept], scores[kept])
 
-    def _run(self, pixels: NDArray[np.uint8], form: InputForm) -> Floats:
+    def _probes(self) -> list[tuple[NDArray[np.uint8], InputForm]]:
+        """Pictures of nobody, in both ranges of pixels."""
+        shape = (self.height, self.width, 3)
+        noise = np.random.default_rng(1).integers(0, 256, shape).astype(np.uint8)
+        return [(np.full(shape, PAD_GREY, np.uint8), BYTES_BGR), (noise, UNIT_RGB)]
+
+    def _all(
+        self, pixels: NDArray[np.uint8], form: InputForm, names: tuple[str, ...]
+    ) -> dict[str, Floats]:
+        self._show(pixels, form)
+        found = self._network.forward(list(names))
+        return {name: np.asarray(one, np.float32) for name, one in zip(names, found, strict=True)}
+
+    def _run(self, pixels: NDArray[np.uint8], form: InputForm, output: str) -> Floats:
+        self._show(pixels, form)
+        return np.asarray(self._network.forward(output), np.float32)
+
+    def _show(self, pixels: NDArray[np.uint8], form: InputForm) -> None:
         self._network.setInput(cv2.dnn.blobFromImage(pixels, form.scale, swapRB=form.rgb))
-        return np.asarray(self._network.forward(), np.float32)
-
-
-def _input_size(file: Path) -> tuple[int, int]:
-    """Width and height from the file itself."""
-    try:
-        import onnx
-        from google.protobuf.message import DecodeError
-    except ImportError:
-        raise SettingsError(
-            f"model {file}: reading a network needs the extra `neural`: "
-            "pip install 'heel-follow[neural]'"
-        ) from None
-    try:
-        graph = onnx.load(str(file), load_external_data=False).graph
-    except (DecodeError, OSError, ValueError) as error:
-        raise SettingsError(f"model {file}: not an ONNX network ({error})") from None
-    weights = {weight.name for weight in graph.initializer}
-    inputs = [entry for entry in graph.input if entry.name not in weights]
-    sides = [d.dim_value for d in inputs[0].type.tensor_type.shape.dim] if inputs else []
-    if len(inputs) != 1 or len(sides) != 4 or sides[1] != 3:
-        raise SettingsError(
-            f"model {file}: wants {len(inputs)} inputs of {sides}; give a network that takes one "
-            "picture, 1x3xHEIGHTxWIDTH"
-        )
-    height, width = sides[2:]
-    if not (0 < width <= _MOST_SIDE_PX and 0 < height <= _MOST_SIDE_PX):
-        raise SettingsError(
-            f"model {file}: input of {width}x{height} pixels; export it with a fixed input size "
-            f"of 32 to {_MOST_SIDE_PX}"
-        )
-    return width, height
 
 
 def without_doubles(boxes: Floats, scores: Floats) -> NDArray[np.intp]:

@@ -8,8 +8,7 @@ try:
     from panda3d import core
 except ImportError:
     raise HeelError(
-        "panda3d, which draws the simulated camera's picture, is not installed: "
-        "pip install 'heel-follow[sim]'"
+        "panda3d, which draws the simulated camera's picture, is not installed: pip install panda3d"
     ) from None
 
 __all__ = ["core"]
