@@ -1,70 +1,142 @@
-"""Opens cameras: V4L2 devices by number, RTSP and HTTP streams by address."""
+"""Opens cameras: V4L2 devices by number or name, RTSP and HTTP streams by address."""
 
 from __future__ import annotations
 
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
-
-import cv2
+from typing import TYPE_CHECKING
 
 from schemas.errors import SourceError
+from services.capture.ffmpeg import open_address
 from services.capture.live import LiveSource
-from services.capture.quiet import silence_decoders
-from services.capture.source import Warn, log_warning
+from services.capture.snapshots import SnapshotDevice
+from services.capture.source import FrameSource, Warn, log_warning
+from services.capture.stream import KEY_FRAME_WAIT_S, StreamDevice
+from services.capture.video_device import VideoDevice, VideoDeviceFormat
+from services.capture.video_file import RecordedVideo
 from services.runtime.passwords import without_passwords
 
+if TYPE_CHECKING:
+    from av.container import InputContainer
+
+    from services.capture.device import Device
+
 STREAM_SCHEMES = frozenset({"rtsp", "rtsps", "http", "https"})
+_SLOW_READS = 2.5
+"""A camera whose rate is known may be silent for so many periods."""
+_SILENT: Warn = logging.getLogger("heel.capture.asked").debug
+_RTSP_OPTIONS = {"rtsp_flags": "prefer_tcp", "allowed_media_types": "video"}
 
 
-def open_device(number: int, fps: float | None = None, warn: Warn = log_warning) -> LiveSource:
-    """Open `/dev/video<number>`; the driver is asked for `fps` frames per second if given.
+def open_device(
+    path: Path, wanted: VideoDeviceFormat | None = None, warn: Warn = log_warning,
+    stop: threading.Event | None = None,
+) -> LiveSource:  # fmt: skip
+    """Open a V4L2 camera; what it gives in place of what was asked for is told to `warn`.
 
     Raises:
         SourceError: there is no such device, or it gives no picture.
     """
-    path = Path(f"/dev/video{number}")
     if not path.exists():
         raise SourceError(f"{path}: no such camera; plug it in, or list them with ls /dev/video*")
-    return LiveSource(str(path), partial(_connect_device, number, fps), warn=warn)
+    connect = partial(VideoDevice, path, wanted or VideoDeviceFormat(), warn)
+    return LiveSource(str(path), connect, warn=warn, stop=stop)
 
 
 def open_stream(
-    address: str, timeout_s: float = 3.0, warn: Warn = log_warning, open_timeout_s: float = 10.0
-) -> LiveSource:
-    """Open an RTSP or HTTP stream.
+    address: str,
+    timeout_s: float = 3.0,
+    warn: Warn = log_warning,
+    open_timeout_s: float = 10.0,
+    fps: float | None = None,
+    stop: threading.Event | None = None,
+) -> FrameSource:
+    """Open an RTSP or HTTP address: a live stream, or a recording that a server holds.
+
+    What has a length is a recording and is played once, like a file; a single picture is fetched
+    again and again.
 
     Args:
         address: `rtsp://`, `rtsps://`, `http://` or `https://`; a password in it is never shown.
         timeout_s: a connection without data for so long is given up and made anew.
         warn: told of every loss and return.
-        open_timeout_s: how long to wait for the first picture.
+        open_timeout_s: how long to wait for the first picture; for the first key frame of a stream
+            that sends data, up to 30 s.
+        fps: rate of a camera that is known to be slow; the time-out is no shorter than 2.5 periods.
+        stop: ends the opening at once.
 
     Raises:
-        SourceError: nothing answers there, or it gives no picture.
+        SourceError: nothing answers there, it wants a password, or it gives no picture.
     """
     name = without_passwords(address)
-    connect = partial(_connect_stream, address, name, timeout_s)
-    return LiveSource(name, connect, open_timeout_s, stall_after_s=timeout_s, warn=warn)
+    scheme, separator, rest = address.partition("://")
+    address = scheme.lower() + separator + rest
+    is_rtsp = scheme.lower().startswith("rtsp")
+    timeout_s = max(timeout_s, _SLOW_READS / fps if fps else 0.0)
+    options: Mapping[str, str] = _RTSP_OPTIONS if is_rtsp else {}
+    connect = partial(open_address, address, name, timeout_s, options)
+    container = _opened(connect, name, stop)
+    kind = container.format.name
+    if not is_rtsp and (kind.startswith("image2") or kind.endswith("_pipe")):
+        return LiveSource(
+            name, partial(SnapshotDevice, connect, name, fps), open_timeout_s,
+            stall_after_s=timeout_s, warn=warn, stop=stop,
+        )  # fmt: skip
+    # The size of a playlist says nothing of the length of what it lists.
+    whole = kind != "hls" and container.size > 0
+    if not is_rtsp and (whole or (container.duration or 0) > 0):
+        return RecordedVideo(container, name, warn, read_timeout_s=timeout_s, stop=stop)
+    first = [container]
+
+    def connect_again() -> Device:
+        return StreamDevice(first.pop() if first else connect(), name)
+
+    return LiveSource(
+        name, connect_again, open_timeout_s, stall_after_s=timeout_s, warn=warn, stop=stop,
+        patience_s=KEY_FRAME_WAIT_S,
+    )  # fmt: skip
 
 
-def _connect_device(number: int, fps: float | None) -> cv2.VideoCapture:
-    silence_decoders()
-    capture = cv2.VideoCapture(number, cv2.CAP_V4L2)
-    if not capture.isOpened():
-        capture.release()
-        raise SourceError("the device cannot be opened")
-    if fps is not None:
-        capture.set(cv2.CAP_PROP_FPS, fps)
-    return capture
+def holds_recording(address: str) -> bool:
+    """Whether a recording is to be had at an address; False where nothing answers as well."""
+    try:
+        with open_stream(address, warn=_SILENT) as source:
+            return not source.is_live
+    except SourceError:
+        return False
 
 
-def _connect_stream(address: str, name: str, timeout_s: float) -> cv2.VideoCapture:
-    silence_decoders()
-    timeout_ms = round(timeout_s * 1000)
-    parameters = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, timeout_ms]
-    parameters += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, timeout_ms]
-    capture = cv2.VideoCapture(address, cv2.CAP_FFMPEG, parameters)
-    if not capture.isOpened():
-        capture.release()
-        raise SourceError(f"nothing that FFmpeg can read answers at {name}")
-    return capture
+def _opened(
+    connect: Callable[[], InputContainer], name: str, stop: threading.Event | None
+) -> InputContainer:
+    """Open in a thread of its own, which may be left behind: FFmpeg cannot be interrupted."""
+    results: queue.SimpleQueue[InputContainer | SourceError] = queue.SimpleQueue()
+    abandoned = threading.Event()
+
+    def work() -> None:
+        try:
+            container = connect()
+        except SourceError as error:
+            results.put(error)
+            return
+        if abandoned.is_set():
+            container.close()
+        results.put(container)
+
+    threading.Thread(target=work, name="camera-opener", daemon=True).start()
+    started_s = time.monotonic()
+    while stop is None or not stop.is_set():
+        with suppress(queue.Empty):
+            result = results.get(timeout=0.05)
+            if isinstance(result, SourceError):
+                raise result
+            return result
+    abandoned.set()
+    waited_s = time.monotonic() - started_s
+    raise SourceError(f"{name}: no picture within {waited_s:.1f} s, when told to end")

@@ -23,6 +23,8 @@ class NewsWatch:
     def __init__(self) -> None:
         self._image: NDArray[np.uint8] | None = None
         self._since_ns = 0
+        self.complaint = ""
+        """What the last picture showed in place of news; empty if it was new."""
 
     def update(self, image: NDArray[np.uint8], now_ns: int) -> int:
         """Take the next frame, (H, W, 3) uint8, which nobody may write to afterwards.
@@ -34,7 +36,12 @@ class NewsWatch:
         Returns:
             When the last new picture came, on the same clock; `now_ns` if this one is new.
         """
-        if self._image is None or not (_blank(image) or _same_bytes(image, self._image)):
+        self.complaint = ""
+        if self._image is not None and _blank(image):
+            self.complaint = "black, white or covered: the picture has no contrast"
+        elif self._image is not None and _same_bytes(image, self._image):
+            self.complaint = "the very same picture comes again and again"
+        if not self.complaint:
             self._image, self._since_ns = image, now_ns
         return self._since_ns
 

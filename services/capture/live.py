@@ -6,16 +6,11 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
-
-import cv2
-import numpy as np
-from numpy.typing import NDArray
 
 from schemas.errors import SourceError
 from services.capture.backoff import Backoff
+from services.capture.device import Device, Picture, RecordingEnded
 from services.capture.frozen import NewsWatch
-from services.capture.pixels import to_bgr8
 from services.capture.source import (
     Frame,
     FrameSource,
@@ -26,22 +21,16 @@ from services.capture.source import (
     plausible_fps,
 )
 
-
-class Device(Protocol):
-    """What a camera connection has to offer; `cv2.VideoCapture` does."""
-
-    def read(self) -> tuple[bool, NDArray[np.integer | np.floating]]:
-        """Block for the next picture; False when the connection is lost."""
-
-    def get(self, prop: int, /) -> float:
-        """A `cv2.CAP_PROP_*` value."""
-
-    def release(self) -> None:
-        """Close the connection."""
-
-
 Connect = Callable[[], Device]
 """Opens the camera or raises SourceError; may block for some seconds."""
+
+_BEHIND_S = 0.3
+_CAUGHT_UP_S = 0.15
+"""Pictures later than the one are told, up to when they are no later than the other."""
+_BEHIND = (
+    f"its pictures come more than {_BEHIND_S:g} s late: the camera, the link or this processor "
+    "does not keep up; ask the camera for fewer or smaller pictures"
+)
 
 
 class LiveSource(FrameSource):
@@ -59,9 +48,11 @@ class LiveSource(FrameSource):
         frozen_after_s: without anything new to see for so long the status is `frozen`.
         backoff: pauses between attempts to connect again.
         warn: told once of every loss and every return.
+        stop: ends the wait for the first frame at once.
+        patience_s: how long the constructor waits where data comes, but no picture yet.
 
     Raises:
-        SourceError: the first attempt failed or gave no frame in time.
+        SourceError: the first attempt failed, gave no frame in time or was stopped.
     """
 
     is_live = True
@@ -75,6 +66,8 @@ class LiveSource(FrameSource):
         frozen_after_s: float = 2.0,
         backoff: Backoff | None = None,
         warn: Warn = log_warning,
+        stop: threading.Event | None = None,
+        patience_s: float = 0.0,
     ) -> None:
         self.name = name
         self._connect = connect
@@ -85,15 +78,16 @@ class LiveSource(FrameSource):
         self._closing = threading.Event()
         self._changed = threading.Condition()
         # Everything below is guarded by the condition.
+        self._device: Device | None = None
         self._newest: Frame | None = None
         self._status = SourceStatus(state="reconnecting")
         self._count = 0
-        self._first_ns = 0
-        self._last_ns = 0
+        self._first_ns = self._last_ns = self._taken_ns = 0
+        self._ended = ""
         self._news = NewsWatch()
         self._thread = threading.Thread(target=self._run, name="camera-reader", daemon=True)
         self._thread.start()
-        self._await_first_frame(open_timeout_s)
+        self._await_first_frame(open_timeout_s, patience_s, stop or threading.Event())
 
     def read(self, timeout_s: float = 5.0) -> Frame | None:
         """The newest frame not yet read, None once closed.
@@ -103,11 +97,11 @@ class LiveSource(FrameSource):
         """
         with self._changed:
             self._changed.wait_for(
-                lambda: self._newest is not None or self._closing.is_set(), timeout_s
+                lambda: self._newest is not None or self._ended or self._closing.is_set(), timeout_s
             )
             frame, self._newest = self._newest, None
-            if self._closing.is_set():
-                self.end_reason = "closed"
+            if self._closing.is_set() or (frame is None and self._ended):
+                self.end_reason = self._ended or "closed"
                 return None
             if frame is None:
                 reason = self._status.last_error or "the camera is silent"
@@ -119,6 +113,9 @@ class LiveSource(FrameSource):
         with self._changed:
             self._closing.set()
             self._changed.notify_all()
+            device = self._device
+        if device is not None:
+            device.interrupt()
         if self._thread is not threading.current_thread():
             self._thread.join(timeout=0.5)
 
@@ -129,16 +126,37 @@ class LiveSource(FrameSource):
             if self._closing.is_set():
                 return replace(self._status, state="closed")
             silent_s = (time.monotonic_ns() - self._last_ns) / 1e9
-            if self._status.state == "connected" and silent_s > self._stall_after_s:
-                return replace(self._status, state="stalled", last_error="the camera is silent")
+            if self._status.state != "reconnecting" and silent_s > self._stall_after_s:
+                why = self._complaint() or "the camera is silent"
+                return replace(self._status, state="stalled", last_error=why)
             return self._status
 
-    def _await_first_frame(self, timeout_s: float) -> None:
+    def _complaint(self) -> str:
+        return "" if self._device is None else self._device.complaint
+
+    def _await_first_frame(
+        self, timeout_s: float, patience_s: float, stop: threading.Event
+    ) -> None:
+        started_s, told = time.monotonic(), ""
         with self._changed:
-            self._changed.wait_for(lambda: self._newest or self._status.attempt, timeout_s)
-            first, error = self._newest, self._status.last_error
+            while not (self._newest or self._status.attempt or stop.is_set()):
+                self._changed.wait(0.05)
+                waited_s, complaint = time.monotonic() - started_s, self._complaint()
+                if waited_s > timeout_s and (not complaint or waited_s > timeout_s + patience_s):
+                    break
+                if waited_s > timeout_s and complaint != told:
+                    self._warn(f"{self.name}: {complaint}; waiting on")
+                    told = complaint
+            first, error = self._newest, self._status.last_error or self._complaint()
         if first is None:
+            waited_s = time.monotonic() - started_s
             self.close()
+            if stop.is_set():
+                raise SourceError(
+                    f"{self.name}: no picture within {waited_s:.1f} s, when told to end"
+                )
+            if self.name in error:
+                raise SourceError(error)
             raise SourceError(
                 f"{self.name}: {error or f'no picture within {timeout_s:g} s'}; "
                 "check the address, the cable and that no other program uses the camera"
@@ -151,7 +169,12 @@ class LiveSource(FrameSource):
             count_before = self._count
             try:
                 error = self._stream()
-            except (SourceError, cv2.error) as problem:
+            except RecordingEnded as end:
+                with self._changed:
+                    self._ended = str(end)
+                    self._changed.notify_all()
+                return
+            except SourceError as problem:
                 error = " ".join(str(problem).split())
             attempt = 1 if self._count > count_before else attempt + 1
             self._report_loss(attempt, error)
@@ -161,40 +184,55 @@ class LiveSource(FrameSource):
     def _stream(self) -> str:
         """Deliver pictures until the connection breaks; the reason why it did."""
         device = self._connect()
+        with self._changed:
+            self._device = device
         try:
             if self._count == 0:
-                stated = float(device.get(cv2.CAP_PROP_FPS))
-                self.fps = plausible_fps(stated, self.name, self._warn)
+                self.fps = plausible_fps(device.fps, self.name, self._warn)
             while not self._closing.is_set():
-                done, picture = device.read()
-                if not done:
-                    return "the camera stopped delivering pictures"
-                self._deliver(to_bgr8(picture), time.monotonic_ns())
+                self._deliver(device.read())
             return "closed"
         finally:
-            device.release()
+            with self._changed:
+                self._device = None
+            device.close()
 
-    def _deliver(self, image: NDArray[np.uint8], now_ns: int) -> None:
-        height, width = image.shape[:2]
+    def _deliver(self, picture: Picture) -> None:
+        height, width = picture.image.shape[:2]
         returned = False
         with self._changed:
-            self._first_ns = self._first_ns or now_ns
-            media_time_s = (now_ns - self._first_ns) / 1e9
+            now_ns = time.monotonic_ns()
+            # A newer picture is no older than the last, whatever its time stamp makes of it.
+            taken_ns = self._taken_ns = max(self._taken_ns, min(picture.taken_ns, now_ns))
+            self._first_ns = self._first_ns or taken_ns
+            media_time_s = (taken_ns - self._first_ns) / 1e9
             if self._status.state == "reconnecting" and self._count:
                 returned = True
                 self._news.reset()
                 self._status = replace(
                     self._status, attempt=0, reconnects=self._status.reconnects + 1
                 )
-            since_ns = self._news.update(image, now_ns)
-            self._newest = Frame(image, self._count, media_time_s, width, height, now_ns, since_ns)
+            since_ns = self._news.update(picture.image, taken_ns)
+            self._count += picture.skipped if self._count else 0
+            self._newest = Frame(
+                picture.image, self._count, media_time_s, width, height, taken_ns, since_ns
+            )
             self._count += 1
             self._last_ns = now_ns
-            frozen = now_ns - since_ns >= self._frozen_after_s * 1e9
-            self._status = replace(self._status, state="frozen" if frozen else "connected")
+            self._judge((taken_ns - since_ns) / 1e9, (now_ns - taken_ns) / 1e9)
             self._changed.notify_all()
         if returned:
             self._warn(f"{self.name}: connected again")
+
+    def _judge(self, still_s: float, late_s: float) -> None:
+        """Say in the status whether the newest picture shows anything new, and is new."""
+        limit_s = _CAUGHT_UP_S if self._status.state == "behind" else _BEHIND_S
+        if still_s >= self._frozen_after_s:
+            self._status = replace(self._status, state="frozen", last_error=self._news.complaint)
+        elif late_s > limit_s:
+            self._status = replace(self._status, state="behind", last_error=_BEHIND)
+        else:
+            self._status = replace(self._status, state="connected")
 
     def _report_loss(self, attempt: int, error: str) -> None:
         with self._changed:

@@ -19,6 +19,7 @@ from schemas import (
     encode,
     keys,
 )
+from schemas.errors import SettingsError
 from schemas.image import MAX_IMAGE_BYTES
 from services.capture.credit import CreditWindow
 from services.capture.describe import mounting
@@ -27,6 +28,7 @@ from services.capture.pixels import fit_to_cap
 from services.capture.settings import CaptureSettings
 from services.capture.source import Frame, FrameSource, SourceTimeout
 from services.capture.sources import open_source
+from services.capture.video_device import VideoDeviceFormat
 from services.runtime import qos
 from services.runtime.clock import monotonic_clock
 from services.runtime.frame_memory import FrameMemory
@@ -265,9 +267,13 @@ class CaptureService:
 def serve(context: ServiceContext[CaptureSettings]) -> None:
     """Open the source and send it."""
     s = context.settings
+    camera = VideoDeviceFormat(s.camera_width, s.camera_height, fourcc=s.camera_fourcc)
     with open_source(
-        s.source, scale=s.scale, fps=s.fps, loop=s.loop, warn=context.log.warning
-    ) as source:
+        s.source, scale=s.scale, fps=s.fps, loop=s.loop, warn=context.log.warning, camera=camera,
+        stop=context.stop,
+    ) as source:  # fmt: skip
+        if source.is_live and source.window is None and s.delivery == "lossless":
+            raise SettingsError(f"{source.name}: a camera does not wait: leave out lossless")
         CaptureService(context, source).run()
 
 

@@ -24,6 +24,16 @@ class CaptureSettings(ServiceSettings):
     fps: float | None = Field(
         None, gt=0, le=240, description="frames per second instead of the source's own"
     )
+    camera_width: int | None = Field(
+        None, ge=16, le=7680, description="asked of a camera at /dev/videoN, pixels"
+    )
+    camera_height: int | None = Field(
+        None, ge=16, le=4320, description="asked of a camera at /dev/videoN, pixels"
+    )
+    camera_fourcc: str | None = Field(
+        None, pattern=r"^[ -~]{4}$", description="pixel format asked of a camera at /dev/videoN: "
+        "MJPG where raw pictures fill the USB bus"
+    )  # fmt: skip
     loop: bool = Field(False, description="play a recording again and again")
     frames: int | None = Field(None, ge=1, description="end after this many frames")
     image_encoding: Literal["raw", "jpeg"] = Field(

@@ -44,7 +44,8 @@ class Frame:
             a folder, a scene and wherever a rate is given, by the clock of a camera.
         source_width: width in pixels before `--scale`.
         source_height: height in pixels before `--scale`.
-        acquired_ns: `time.monotonic_ns()` when a camera delivered it, None in a recording.
+        acquired_ns: `time.monotonic_ns()` when a camera gave it away, which is before it came out
+            of buffers on the way; None in a recording.
         new_ns: the same of the newest picture that showed anything new. A camera that repeats
             itself byte for byte, or is black, shows nothing newer: its age counts from then.
     """
@@ -63,13 +64,16 @@ class SourceStatus:
     """How a source is doing.
 
     Attributes:
-        state: `stalled` is connected but silent, `frozen` shows nothing new.
+        state: `stalled` is connected but without pictures, `frozen` shows nothing new, `behind`
+            delivers pictures that are old already.
         attempt: number of the current attempt to connect again, 0 when connected.
         reconnects: times the connection was lost and found again.
-        last_error: why the connection was lost last, empty if it never was.
+        last_error: why the camera is not well, or why it was not last; empty if it always was.
     """
 
-    state: Literal["connected", "stalled", "reconnecting", "frozen", "closed"] = "connected"
+    state: Literal["connected", "stalled", "reconnecting", "frozen", "behind", "closed"] = (
+        "connected"
+    )
     attempt: int = 0
     reconnects: int = 0
     last_error: str = ""

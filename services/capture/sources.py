@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import os
 import re
+import stat
+import threading
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from schemas.errors import SourceError
 from services.capture.adjust import AdjustedSource, LoopedSource, check_adjustment
 from services.capture.camera import STREAM_SCHEMES, open_device, open_stream
+from services.capture.ffmpeg import shown_path
 from services.capture.image_folder import IMAGE_SUFFIXES, ImageFolderSource, list_images
 from services.capture.scene_source import SCENE_PREFIX, open_scene
 from services.capture.sequence import SEQUENCE_FILE, open_sequence
 from services.capture.source import FrameSource, Warn, log_warning
+from services.capture.video_device import VideoDeviceFormat
 from services.capture.video_file import VideoFileSource
 from services.capture.virtual_pan import PAN_PREFIX, open_pan
 from services.runtime.passwords import without_passwords
@@ -29,18 +34,23 @@ def open_source(
     fps: float | None = None,
     loop: bool = False,
     warn: Warn = log_warning,
+    camera: VideoDeviceFormat | None = None,
+    stop: threading.Event | None = None,
 ) -> FrameSource:
     """Open whatever `spec` names.
 
     Args:
         spec: a video file, a picture, a folder of pictures, a MOTChallenge sequence directory,
-            `/dev/videoN` or `N`, an `rtsp://` or `http://` address (and their TLS forms), or
-            `scene:NAME?seed=1&people=6&frames=400`, or a window of a recording that turns:
+            `/dev/videoN`, `N` or any other name of a camera's device, an `rtsp://` or `http://`
+            address (and their TLS forms), `scene:NAME?seed=1&people=6&frames=400`, or a window of
+            a recording that turns:
             `pan:PATH?width=384&height=288`.
         scale: factor for both sides of every frame, in (0, 1].
         fps: rate to use in place of the source's own, in (0, 240].
         loop: play a recording again and again; a camera is endless as it is.
         warn: told in one line of every defect that does not end the stream.
+        camera: what a camera at `/dev/videoN` is asked for; `fps` goes with it.
+        stop: ends the opening of a camera or an address at once.
 
     Raises:
         SourceError: `spec` names nothing that can be read; the message says what to do.
@@ -53,21 +63,36 @@ def open_source(
         # The rate is the recording's: the pan plays it like a camera that cannot be slowed down.
         source = open_pan(spec, partial(open_source, fps=fps, loop=loop, warn=warn))
         fps = None
-    elif device:
-        source = open_device(int(device.group(1)), fps, warn)
+    elif device or _is_device(spec):
+        path = Path(f"/dev/video{device.group(1)}" if device else spec)
+        wanted = replace(camera or VideoDeviceFormat(), fps=fps)
+        source = open_device(path, wanted, warn, stop)
     elif scheme:
         if scheme.group(1).lower() not in STREAM_SCHEMES:
             raise SourceError(
                 f"{without_passwords(spec)}: cannot read {scheme.group(1)}://; "
                 f"give one of {', '.join(sorted(STREAM_SCHEMES))}, a path or scene:demo"
             )
-        source = open_stream(spec, warn=warn)
+        reopen = partial(open_stream, spec, warn=warn, fps=fps, stop=stop)
+        source = reopen()
+        if loop and not source.is_live:
+            source.close()
+            source = LoopedSource(reopen)
     else:
         reopen = partial(_open_recording, spec, warn)
         source = LoopedSource(reopen) if loop else reopen()
     if scale == 1.0 and fps is None:
         return source
     return AdjustedSource(source, scale, fps)
+
+
+def _is_device(spec: str) -> bool:
+    """Whether a path names a character device, which a camera is."""
+    try:
+        return stat.S_ISCHR(os.stat(spec).st_mode)
+    except (OSError, ValueError):
+        # A camera that is not plugged in has no node, but where one would be is a camera's place.
+        return spec.startswith(("/dev/video", "/dev/v4l/"))
 
 
 def _open_recording(spec: str, warn: Warn) -> FrameSource:
@@ -77,13 +102,14 @@ def _open_recording(spec: str, warn: Warn) -> FrameSource:
     if spec and os.path.isdir(path):
         if (path / SEQUENCE_FILE).is_file():
             return open_sequence(path, warn)
-        return ImageFolderSource(list_images(path), str(path), warn=warn)
+        return ImageFolderSource(list_images(path), shown_path(path), warn=warn)
     # os.path takes a name that is too long or forbidden for one that is not there; pathlib raises.
     if not spec or not os.path.exists(path):
         raise SourceError(
-            f"{spec!r}: no such file or folder; give a path, /dev/videoN, an rtsp:// or http:// "
+            f"{without_passwords(shown_path(Path(spec)))!r}: no such file or folder; give a path, "
+            "/dev/videoN, an rtsp:// or http:// "
             "address, or scene:demo"
         )
     if path.suffix.lower() in IMAGE_SUFFIXES and path.stat().st_size:
-        return ImageFolderSource([path], str(path), warn=warn)
+        return ImageFolderSource([path], shown_path(path), warn=warn)
     return VideoFileSource(path, warn)

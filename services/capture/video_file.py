@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +14,12 @@ import av.error
 from schemas.errors import SourceError
 from services.capture.decoding import Converter, Decoded, Decoder
 from services.capture.ffmpeg import CONVERT, open_file, reason, shown_path, video_stream
+from services.capture.read_ahead import ReadAhead
 from services.capture.source import Frame, FrameSource, Warn, log_warning, plausible_fps
 
 if TYPE_CHECKING:
     from av.container import InputContainer
+    from av.packet import Packet
     from av.video.stream import VideoStream
 
 _LONGEST_GAP_S = 86_400.0
@@ -37,6 +41,9 @@ class RecordedVideo(FrameSource):
         name: for people.
         warn: told of every defect.
         fps: rate to go by in place of the stream's own time stamps.
+        read_timeout_s: of the container where that is at the end of a network: it is then read
+            ahead in a thread of its own, and `read` keeps its deadline.
+        stop: ends the wait for the first frame at once.
 
     Raises:
         SourceError: there is no video in it that FFmpeg can decode.
@@ -48,10 +55,14 @@ class RecordedVideo(FrameSource):
         name: str,
         warn: Warn = log_warning,
         fps: float | None = None,
+        read_timeout_s: float | None = None,
+        stop: threading.Event | None = None,
     ) -> None:
         self.name = name
         self._warn = warn
         self._container: InputContainer | None = container
+        self._first: Frame | None = None
+        self._ahead: ReadAhead | None = None
         try:
             stream = video_stream(container, name)
             self._decoder = Decoder(stream)
@@ -61,7 +72,11 @@ class RecordedVideo(FrameSource):
             self._timeline = None if fps is not None else _Timeline(1.0 / self.fps)
             self._announced = _announced(container, stream, self.fps)
             self.frame_count = self._announced.frames
-            self._decoded = self._decode_all(container, stream)
+            self._packets: Iterator[Packet[VideoStream]] = container.demux(stream)
+            if read_timeout_s is not None:
+                self._packets = self._ahead = ReadAhead(container, stream, stop)
+            self._ready: deque[Decoded] = deque()
+            self._at_end = False
             self._index = self._count = self._left_out = 0
             self._problem = ""
             self._end_s = 0.0
@@ -77,8 +92,14 @@ class RecordedVideo(FrameSource):
         self.width, self.height = self._first.source_width, self._first.source_height
 
     def read(self, timeout_s: float = 5.0) -> Frame | None:
-        """The next frame, None at the end."""
+        """The next frame, None at the end.
+
+        Raises:
+            SourceTimeout: a recording at the end of a network gave nothing for so long.
+        """
         frame, self._first = self._first, None
+        if self._ahead is not None:
+            self._ahead.timeout_s = timeout_s
         if frame is None:
             frame = self._advance()
         if frame is None and not self.end_reason:
@@ -89,13 +110,15 @@ class RecordedVideo(FrameSource):
         """Close the recording."""
         self._first = None
         if self._container is not None:
-            self._decoded = iter(())
-            self._container.close()
+            if self._ahead is None:
+                self._container.close()
+            else:
+                self._ahead.close()
             self._container = None
             self.end_reason = self.end_reason or "closed"
 
     def _advance(self) -> Frame | None:
-        decoded = next(self._decoded, None)
+        decoded = self._next_decoded()
         if decoded is None:
             return None
         image = self._converter.image(decoded.frame)
@@ -115,13 +138,15 @@ class RecordedVideo(FrameSource):
         self._end_s = media_time_s + 1.0 / self.fps
         return frame
 
-    def _decode_all(self, container: InputContainer, stream: VideoStream) -> Iterator[Decoded]:
-        try:
-            for packet in container.demux(stream):
-                yield from self._decoder.decode(packet if packet.size else None)
-        except (av.error.FFmpegError, ValueError) as error:
-            self._problem = reason(error)
-            yield from self._decoder.decode(None)
+    def _next_decoded(self) -> Decoded | None:
+        while not self._ready and not self._at_end and self._container is not None:
+            try:
+                packet = next(self._packets, None)
+            except (av.error.FFmpegError, ValueError) as error:
+                self._problem, packet = reason(error), None
+            self._at_end = packet is None or not packet.size
+            self._ready.extend(self._decoder.decode(None if self._at_end else packet))
+        return self._ready.popleft() if self._ready and self._container is not None else None
 
     def _nothing_decoded(self) -> str:
         why = f" ({self._problem})" if self._problem else ""

@@ -108,5 +108,15 @@ def _work(options: RunOptions, in_process: bool) -> None:
 
 
 def is_camera(source: str) -> bool:
-    """Whether a source is live by its name: a device, a network stream, or a window that turns."""
-    return source.isdigit() or source.startswith(("/dev/video", "pan:")) or "://" in source
+    """Whether a source is live: a device, a window that turns, or a network stream.
+
+    Of an `http://` address the name does not tell: the server is asked. Where it does not answer,
+    the address counts as a camera, and capture will say what is wrong with it.
+    """
+    if source.isdigit() or source.startswith(("/dev/", "pan:")):
+        return True
+    if source.lower().startswith(("http://", "https://")):
+        from services.capture.camera import holds_recording
+
+        return not holds_recording(source)
+    return "://" in source

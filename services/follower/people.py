@@ -16,7 +16,6 @@ from services.follower.people_ranges import RangesInTime
 from services.geometry.camera import Pinhole, camera_from_info
 from services.geometry.person import PersonModel, locate_person
 
-_LEAST_BOX_PX = 1.0
 _FORGOTTEN_AFTER_S = 0.6
 _FARTHEST_M = 100.0
 _VARYING_SHARE = 0.4
@@ -99,7 +98,7 @@ class People:
         camera = self._camera_for(tracks)
         self._seen = {}
         for track in tracks.tracks:
-            if track.shown and track.state == "tracked" and _has_area(track):
+            if track.shown and track.state == "tracked":
                 place = _place(track, camera, self._model)
                 if place is not None:
                     self._seen[track.id] = self._filtered(track.id, place, t_s, motion)
@@ -142,12 +141,6 @@ class People:
                 made = camera_from_info(info, self._fov_rad)
             self._camera = made or Pinhole.from_fov(*size, self._fov_rad)
         return self._camera
-
-
-def _has_area(track: Track) -> bool:
-    """Whether a box is one of pixels: of a thinner one nothing can be told."""
-    left, top, right, bottom = track.box_xyxy
-    return right - left >= _LEAST_BOX_PX and bottom - top >= _LEAST_BOX_PX
 
 
 def _place(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from schemas.errors import SourceError
 from services.capture.backoff import Backoff
 from services.capture.camera import open_stream
+from services.capture.device import Picture, RecordingEnded
 from services.capture.live import LiveSource
 from services.capture.source import SourceStatus, SourceTimeout
 from tests.unit.capture.mjpeg_server import MjpegServer
@@ -27,26 +28,32 @@ class FakeDevice:
 
     def __init__(self, fps: float = 25.0) -> None:
         self.fps = fps
+        self.complaint = ""
+        self.late_s = 0.0
         self.released = threading.Event()
-        self._pictures: list[NDArray[np.uint8] | None] = []
+        self._pictures: list[NDArray[np.uint8] | SourceError | None] = []
         self._changed = threading.Condition()
 
-    def give(self, *pictures: NDArray[np.uint8] | None) -> None:
-        """Queue pictures; None is a lost connection."""
+    def give(self, *pictures: NDArray[np.uint8] | SourceError | None) -> None:
+        """Queue pictures; None is a lost connection, an error any other end."""
         with self._changed:
             self._pictures.extend(pictures)
             self._changed.notify_all()
 
-    def read(self) -> tuple[bool, NDArray[np.uint8]]:
+    def read(self) -> Picture:
         with self._changed:
             given = self._changed.wait_for(lambda: self._pictures, PATIENCE_S)
             image = self._pictures.pop(0) if given else None
-        return (False, picture(0)) if image is None else (True, image)
+        if image is None:
+            raise SourceError("the camera stopped delivering pictures")
+        if isinstance(image, SourceError):
+            raise image
+        return Picture(image, time.monotonic_ns() - round(self.late_s * 1e9))
 
-    def get(self, prop: int, /) -> float:
-        return self.fps
+    def interrupt(self) -> None:
+        """Like a driver that cannot be interrupted."""
 
-    def release(self) -> None:
+    def close(self) -> None:
         self.released.set()
 
 
@@ -196,6 +203,77 @@ def test_a_picture_that_repeats_is_as_old_as_when_it_came_first() -> None:
     new_ns = [frame.new_ns for frame in frames if frame is not None]
     assert acquired_ns == sorted(set(acquired_ns))
     assert new_ns == [acquired_ns[0]] * 3 + [acquired_ns[3]]
+
+
+def test_a_picture_that_came_late_is_as_old_as_it_is_and_the_status_says_so() -> None:
+    device = FakeDevice()
+    device.late_s = 0.5
+    device.give(detailed(0))
+    with LiveSource("camera", connected_to(device)) as source:
+        frame = source.read(PATIENCE_S)
+        assert frame is not None
+        assert frame.acquired_ns is not None
+        assert time.monotonic_ns() - frame.acquired_ns >= 0.5e9
+        assert source.status.state == "behind"
+        assert "late" in source.status.last_error
+        device.late_s = 0.0
+
+        def well_after_another() -> bool:
+            device.give(detailed(int(time.monotonic_ns() % 1000)))
+            return source.status.state == "connected"
+
+        wait_until(well_after_another)
+        device.give(None)
+
+
+def test_what_is_said_of_a_frozen_camera_is_not_what_was_said_of_a_lost_one() -> None:
+    first, second = FakeDevice(), FakeDevice()
+    first.give(detailed(0), None)
+    second.give(detailed(1))
+    with LiveSource(
+        "camera", connected_to(first, second), frozen_after_s=0.02, backoff=QUICK
+    ) as source:
+
+        def frozen_by_another() -> bool:
+            second.give(detailed(1))
+            return source.status.state == "frozen"
+
+        wait_until(frozen_by_another)
+        assert "very same picture" in source.status.last_error
+        second.give(np.zeros((48, 64, 3), np.uint8))
+        wait_until(lambda: "no contrast" in source.status.last_error)
+        second.give(None)
+
+
+def test_a_stream_that_announced_its_end_ends_and_is_not_opened_again() -> None:
+    device = FakeDevice()
+    device.give(picture(0), RecordingEnded("end of the recording"))
+    with LiveSource("camera", connected_to(device)) as source:
+        assert source.read(PATIENCE_S) is not None
+        assert source.read(PATIENCE_S) is None
+    assert source.end_reason == "end of the recording"
+
+
+def test_an_opening_ends_at_once_when_told_to() -> None:
+    device, stop = FakeDevice(), threading.Event()
+    threading.Timer(0.2, stop.set).start()
+    started = time.monotonic()
+    with pytest.raises(SourceError, match=r"no picture within 0\.\d s, when told to end"):
+        LiveSource("camera", connected_to(device), open_timeout_s=PATIENCE_S, stop=stop)
+    assert time.monotonic() - started < PATIENCE_S / 2
+    device.give(None)
+
+
+def test_data_without_a_key_frame_is_waited_for_longer_and_named() -> None:
+    device, warnings = FakeDevice(), list[str]()
+    device.complaint = "data arrives, no key frame yet"
+    threading.Timer(0.5, device.give, [picture(0)]).start()
+    with LiveSource(
+        "camera", connected_to(device), 0.1, warn=warnings.append, patience_s=PATIENCE_S
+    ) as source:
+        assert source.read(PATIENCE_S) is not None
+        device.give(None)
+    assert warnings[0] == "camera: data arrives, no key frame yet; waiting on"
 
 
 def test_a_camera_that_cannot_be_opened_at_first_is_refused_at_once() -> None:

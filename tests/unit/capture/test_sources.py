@@ -32,7 +32,7 @@ from tests.unit.capture.videos import index_of, write_folder, write_video
         ("scene:demo?fps=nan", "fps"),
         ("scene:demo?frames=many", "frames"),
         ("scene:demo?oops", "key=value"),
-        ("http://user:secret@127.0.0.1:9/x", "answers at http://***@127.0.0.1:9/x"),
+        ("http://user:secret@127.0.0.1:9/x", "http://***@127.0.0.1:9/x refuses the connection"),
     ],
 )
 def test_what_cannot_be_opened_is_refused_in_one_line_with_a_remedy(
