@@ -73,6 +73,25 @@ def decode_image(payload: bytes, header: Header, encoding: str) -> NDArray[np.ui
 
 
 def _decode_jpeg(payload: bytes, width: int, height: int) -> NDArray[np.uint8]:
+    check_jpeg(payload, width, height)
+    try:
+        pixels = cv2.imdecode(np.frombuffer(payload, np.uint8), _FLAGS)
+    except cv2.error:
+        pixels = None
+    if pixels is None or pixels.shape != (height, width, 3):
+        raise MessageError(f"image: {len(payload)} bytes are not a readable JPEG")
+    return np.asarray(pixels, np.uint8)
+
+
+def check_jpeg(payload: bytes, width: int, height: int) -> None:
+    """Refuse a JPEG before it costs anything: by size, by scans, by its end.
+
+    Raises:
+        MessageError: it is not of `width` by `height` pixels, or decoding it would cost more than
+            a picture is worth.
+    """
+    if len(payload) > MAX_IMAGE_BYTES:
+        raise MessageError(f"image: {len(payload)} bytes exceed the cap of {MAX_IMAGE_BYTES}")
     if width * height > MAX_IMAGE_PIXELS:
         raise MessageError(
             f"image: {width}x{height} is beyond {MAX_IMAGE_PIXELS} pixels: use --scale"
@@ -86,13 +105,6 @@ def _decode_jpeg(payload: bytes, width: int, height: int) -> NDArray[np.uint8]:
         raise MessageError(f"image: the JPEG of {len(payload)} bytes is cut off: resend it")
     if payload.count(_START_OF_SCAN) > _MAX_SCANS:
         raise MessageError(f"image: a JPEG of more than {_MAX_SCANS} scans: write it as baseline")
-    try:
-        pixels = cv2.imdecode(np.frombuffer(payload, np.uint8), _FLAGS)
-    except cv2.error:
-        pixels = None
-    if pixels is None or pixels.shape != (height, width, 3):
-        raise MessageError(f"image: {len(payload)} bytes are not a readable JPEG")
-    return np.asarray(pixels, np.uint8)
 
 
 def jpeg_size(payload: bytes) -> tuple[int, int] | None:

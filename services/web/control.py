@@ -58,7 +58,11 @@ class Control:
             Latched(context.session, keys.FOLLOW_ESTOP, qos.ESTOP)
         )
         self.stops = Worker("stop", _MAX_WAITING, resources)
-        """Does `stop` and `resume`, in the order they were asked for."""
+        """Does `stop`; no number of resumes takes a stop's place."""
+        self.resumes = Worker("resume", _MAX_WAITING, resources)
+        """Does `resume`."""
+        self.stops_asked_for = 0
+        """How often; a resume that was asked for before the last one does nothing."""
         self.choices = Worker("target", _MAX_WAITING, resources)
         """Does `choose`."""
 
@@ -95,6 +99,11 @@ class Control:
             )
         raise TargetRefusedError(refusal)
 
+    def stop_is_asked_for(self) -> None:
+        """Somebody wants a stop: from now on no resume that was asked for before it counts."""
+        with self._lock:
+            self.stops_asked_for += 1
+
     def stop(self, who: str) -> None:
         """Engage the emergency stop; it is said again until the follower confirms it."""
         source = self._source(who)
@@ -103,8 +112,12 @@ class Control:
         self._send(True, source)
         self._log.warning("STOP by %s", who)
 
-    def resume(self, who: str) -> None:
+    def resume(self, who: str, stops_before: int) -> None:
         """Release the emergency stop.
+
+        Args:
+            who: asks.
+            stops_before: `stops_asked_for` when they did.
 
         Raises:
             RouterAwayError: a resume must not take effect at some later time.
@@ -113,6 +126,8 @@ class Control:
             raise RouterAwayError("the router is away: resume when it is back")
         source = self._source(who)
         with self._lock:
+            if self.stops_asked_for != stops_before:
+                raise RouterAwayError("STOP was pressed meanwhile: resume again if that is meant")
             self._latch.release(source)
         self._send(False, source)
         self._log.warning("resume by %s", who)

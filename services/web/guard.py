@@ -27,33 +27,40 @@ class HostGuard:
         self._port = port
         self._open = open_to_network
         own = {"localhost", "127.0.0.1", "[::1]", _literal(host)}
-        self._known = {f"{name}:{port}" for name in own}
-        self._known |= {name if ":" in name else f"{name}:{port}" for name in names}
+        self._own = {f"{name}:{port}" for name in own} | (own if port == 80 else set())
         # Browsers leave out the port that belongs to the scheme; a TLS proxy uses 443.
-        self._known |= {name for name in names if ":" not in name}
-        if port == 80:
-            self._known |= own
+        self._named = {name if ":" in name else f"{name}:{port}" for name in names}
+        self._named |= {name for name in names if ":" not in name}
 
-    def refusal(self, headers: Mapping[str, str], acts: bool) -> str | None:
+    def refusal(self, headers: Mapping[str, str], path: str) -> str | None:
         """Why a request is refused, None if it may pass.
+
+        Another site may link to the page, and nothing else: not even a picture of it is anybody's
+        to embed.
 
         Args:
             headers: of the request, case-insensitive.
-            acts: whether it changes something or opens a WebSocket, not only reads.
+            path: that is asked for.
         """
         host = headers.get("Host", "").lower()
         if not self._is_ours(host):
             return f"host {host[:80]!r} is not this page's: use the address that was printed"
         origin = headers.get("Origin")
-        if origin is not None and origin.partition("://")[2].lower() != host:
+        if origin is not None and origin.lower() not in self._origins(host):
             return f"origin {origin[:80]!r} may not use this page"
         site = headers.get("Sec-Fetch-Site", "none")
-        if acts and site not in ("same-origin", "none"):
+        followed_link = path == "/" and headers.get("Sec-Fetch-Dest") == "document"
+        if site not in ("same-origin", "none") and not followed_link:
             return f"a {site[:20]} request may not use this page"
         return None
 
+    def _origins(self, host: str) -> tuple[str, ...]:
+        """What a page of ours says it comes from; https where a proxy may stand before it."""
+        plain = f"http://{host}"
+        return (plain, f"https://{host}") if host in self._named else (plain,)
+
     def _is_ours(self, host: str) -> bool:
-        if host in self._known:
+        if host in self._own or host in self._named:
             return True
         name, _, port = host.rpartition(":")
         if not self._open or port != str(self._port):

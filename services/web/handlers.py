@@ -11,6 +11,7 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from schemas import MessageError
+from services.web.connections import HEADERS, Connections
 from services.web.control import (
     Control,
     NoFollowerError,
@@ -43,19 +44,6 @@ _BODY_TIMEOUT_S = 2.0
 _STOP_TIMEOUT_S = 1.0
 _SNAPSHOT_TIMEOUT_S = 2.0
 _HEARTBEAT_S = 5.0
-_HEADERS = {
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
-    "Cache-Control": "no-store",
-    "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
-        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-    ),
-}
-
 _Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -66,6 +54,7 @@ class Site:
     hub: Hub
     control: Control
     guard: HostGuard
+    connections: Connections
 
     def application(self) -> web.Application:
         """The aiohttp application."""
@@ -88,8 +77,8 @@ class Site:
 
     @web.middleware
     async def _protect(self, request: web.Request, handler: _Handler) -> web.StreamResponse:
-        acts = request.method not in ("GET", "HEAD") or request.path == "/ws"
-        refusal = self.guard.refusal(request.headers, acts)
+        self.connections.used(request.protocol)
+        refusal = self.guard.refusal(request.headers, request.path)
         if refusal is not None:
             return _error(403, refusal)
         try:
@@ -112,10 +101,8 @@ class Site:
         return web.json_response(status | {"status_age_s": round(age_s, 3)})
 
     async def _snapshot(self, _request: web.Request) -> web.Response:
-        with self.hub.viewer() as viewer:
-            if viewer is None:
-                return _error(503, "all viewers' places are taken: raise --max-viewers")
-            frame = await viewer.next_frame(_SNAPSHOT_TIMEOUT_S)
+        # Takes none of the viewers' places: everybody who waits gets the same picture.
+        frame = await self.hub.next_frame(_SNAPSHOT_TIMEOUT_S)
         if frame is None:
             return _error(503, f"no picture within {_SNAPSHOT_TIMEOUT_S:g} s: is capture running?")
         return web.Response(
@@ -141,19 +128,26 @@ class Site:
 
     async def _stop(self, request: web.Request) -> web.Response:
         # Whatever the body says: nothing but a wrong origin keeps a stop from going out.
-        who = request.remote or "unknown"
-        sending = asyncio.wrap_future(self.control.stops.submit(lambda: self.control.stop(who)))
-        try:
-            await asyncio.wait_for(asyncio.shield(sending), _STOP_TIMEOUT_S)
-        except TimeoutError:
-            return _error(504, "the stop has not gone out yet; it will be repeated")
-        return web.json_response({"connected": self.control.connected})
+        control, who = self.control, request.remote or "unknown"
+        with self.connections.kept(request.protocol):
+            control.stop_is_asked_for()
+            try:
+                sending = asyncio.wrap_future(control.stops.submit(lambda: control.stop(who)))
+                await asyncio.wait_for(asyncio.shield(sending), _STOP_TIMEOUT_S)
+            except TimeoutError:
+                return _error(504, "the stop has not gone out yet; it will be repeated")
+            except BusyError:
+                # As many stops as may wait are on their way already, and one is enough.
+                pass
+        return web.json_response({"connected": control.connected})
 
     async def _resume(self, request: web.Request) -> web.Response:
         await _body(request)
-        who = request.remote or "unknown"
+        control, who = self.control, request.remote or "unknown"
+        stops_before = control.stops_asked_for
+        resume = control.resumes.submit(lambda: control.resume(who, stops_before))
         try:
-            await asyncio.wrap_future(self.control.stops.submit(lambda: self.control.resume(who)))
+            await asyncio.wrap_future(resume)
         except RouterAwayError as error:
             return _error(503, str(error))
         return web.json_response({"connected": True})
@@ -167,15 +161,16 @@ class Site:
         with self.hub.viewer() as viewer:
             if viewer is None:
                 return _error(503, "all viewers' places are taken: raise --max-viewers")
-            await socket.prepare(request)
-            request.app[SOCKETS].add(socket)
-            sending = asyncio.create_task(_send(socket, viewer))
-            try:
-                await _receive(socket, viewer)
-            finally:
-                request.app[SOCKETS].discard(socket)
-                sending.cancel()
-                await asyncio.wait([sending])
+            with self.connections.kept(request.protocol):
+                await socket.prepare(request)
+                request.app[SOCKETS].add(socket)
+                sending = asyncio.create_task(_send(socket, viewer))
+                try:
+                    await _receive(socket, viewer)
+                finally:
+                    request.app[SOCKETS].discard(socket)
+                    sending.cancel()
+                    await asyncio.wait([sending])
         return socket
 
 
@@ -222,8 +217,8 @@ async def _body(request: web.Request) -> bytes:
 
 
 async def _add_headers(_request: web.Request, response: web.StreamResponse) -> None:
-    for name, value in _HEADERS.items():
-        response.headers.setdefault(name, value)
+    for name, value in HEADERS.items():
+        response.headers[name] = value
 
 
 def _static(name: str) -> Callable[[web.Request], Awaitable[web.Response]]:

@@ -17,23 +17,16 @@ NoteKind = Literal["status", "sim-world", "sim-truth"]
 """JSON objects that viewers get beside the pictures; newcomers get the last of each kind."""
 
 
+_FRESH_S = 0.2
+"""A picture that is no older is one of this moment."""
+
+
 class Viewer:
     """A viewer's queue and the signal that something is in it. Lives in the asyncio loop."""
 
     def __init__(self, max_in_flight: int = 2) -> None:
         self.queue = ViewerQueue(max_in_flight)
         self.news = asyncio.Event()
-
-    async def next_frame(self, timeout_s: float) -> ViewFrame | None:
-        """The next picture, None after `timeout_s`."""
-        try:
-            async with asyncio.timeout(timeout_s):
-                while (taken := self.queue.take_frame()) is None:
-                    await self.news.wait()
-                    self.news.clear()
-        except TimeoutError:
-            return None
-        return taken[1]
 
 
 class Hub:
@@ -57,7 +50,11 @@ class Hub:
         self._last_status: dict[str, Any] = {}
         self._last_status_s = time.monotonic()
         self.viewer_count = 0
-        """Read by the service loop too: without viewers nothing is coded."""
+        self._newest: tuple[ViewFrame, float] | None = None
+        self._waiting = 0
+        self._awaited: asyncio.Future[ViewFrame] | None = None
+        self.watched = False
+        """Read by the service loop: while nobody looks nothing is coded."""
 
     def attach(self, loop: asyncio.AbstractEventLoop | None) -> None:
         """Deliver into this loop from now on; None stops that."""
@@ -93,6 +90,10 @@ class Hub:
             self._last_status, self._last_status_s = notes["status"], time.monotonic()
         texts = {kind: json.dumps(note, separators=(",", ":")) for kind, note in notes.items()}
         self._kept |= texts
+        if frame is not None:
+            self._newest = (frame, time.monotonic())
+            if self._awaited is not None and not self._awaited.done():
+                self._awaited.set_result(frame)
         for viewer in self._viewers:
             if frame is not None:
                 viewer.queue.offer_frame(frame)
@@ -111,12 +112,36 @@ class Hub:
             viewer.queue.offer_note(kind, text)
         viewer.news.set()
         self._viewers.add(viewer)
-        self.viewer_count = len(self._viewers)
+        self._count()
         try:
             yield viewer
         finally:
             self._viewers.discard(viewer)
-            self.viewer_count = len(self._viewers)
+            self._count()
+
+    async def next_frame(self, timeout_s: float) -> ViewFrame | None:
+        """A picture of this moment, None if there is none within `timeout_s`.
+
+        However many wait, they wait for one and the same.
+        """
+        if self._newest is not None and time.monotonic() - self._newest[1] < _FRESH_S:
+            return self._newest[0]
+        if self._awaited is None or self._awaited.done():
+            self._awaited = asyncio.get_running_loop().create_future()
+        awaited = self._awaited
+        self._waiting += 1
+        self._count()
+        try:
+            return await asyncio.wait_for(asyncio.shield(awaited), timeout_s)
+        except TimeoutError:
+            return None
+        finally:
+            self._waiting -= 1
+            self._count()
+
+    def _count(self) -> None:
+        self.viewer_count = len(self._viewers)
+        self.watched = bool(self._viewers or self._waiting)
 
     def status(self) -> tuple[dict[str, Any], float]:
         """The last status and its age in seconds: a loop that hangs shows by it."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas import MessageError
-from schemas.image import JPEG, RAW, decode_image, encode_image, jpeg_size
+from schemas.image import JPEG, RAW, check_jpeg, decode_image, encode_image
 from services.web.joiner import HeldImage
 
 _REDUCED = (
@@ -31,11 +31,8 @@ def to_jpeg(image: HeldImage, max_side_px: int, quality: int) -> bytes:
     header = image.header
     fits = max(header.width, header.height) <= max_side_px
     if header.image_encoding == JPEG:
-        if jpeg_size(image.payload) != (header.width, header.height):
-            raise MessageError(
-                f"image: JPEG of size {jpeg_size(image.payload)} but the header says "
-                f"{header.width}x{header.height}"
-            )
+        # Those that pass as they are, too: a browser would have to decode them.
+        check_jpeg(image.payload, header.width, header.height)
         if fits:
             return image.payload
         pixels = _decode_reduced(image, max_side_px)
@@ -45,11 +42,13 @@ def to_jpeg(image: HeldImage, max_side_px: int, quality: int) -> bytes:
 
 
 def _decode_reduced(image: HeldImage, max_side_px: int) -> NDArray[np.uint8]:
-    # The decoder itself shrinks by 2, 4 or 8: a 16384x16384 JPEG of some kB would otherwise
-    # unpack to 800 MB.
+    # The decoder itself shrinks by 2, 4 or 8: an 8K picture would otherwise unpack to 100 MB.
     longer = max(image.header.width, image.header.height)
     flag = next((f for by, f in _REDUCED if longer // by >= max_side_px), cv2.IMREAD_COLOR_BGR)
-    pixels = cv2.imdecode(np.frombuffer(image.payload, np.uint8), flag)
+    try:
+        pixels = cv2.imdecode(np.frombuffer(image.payload, np.uint8), flag)
+    except cv2.error:
+        pixels = None
     if pixels is None:
         raise MessageError(f"image: {len(image.payload)} bytes are not a readable JPEG")
     return np.asarray(pixels, np.uint8)

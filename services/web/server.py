@@ -8,14 +8,18 @@ import ipaddress
 import logging
 import socket
 import threading
+import time
+from typing import Any
 
 from aiohttp import WSCloseCode, web
 
 from schemas import HeelError
+from services.web.connections import IDLE_S, Connection
 from services.web.handlers import SOCKETS, Site
 from services.web.hub import Hub
 
 _START_DEADLINE_S = 5.0
+_BACKLOG = 128
 _STOP_DEADLINE_S = 1.0
 _CLOSE_DEADLINE_S = 0.3
 
@@ -68,23 +72,41 @@ class ServerThread(threading.Thread):
         app = self._site.application()
         app[SOCKETS] = set()
         app.on_shutdown.append(_say_goodbye)
-        runner = web.AppRunner(
-            app,
-            access_log=None,
-            shutdown_timeout=_CLOSE_DEADLINE_S,
-            # How long an unread body is drained for, e.g. one that came with a STOP.
-            lingering_time=_CLOSE_DEADLINE_S,
-        )
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=_CLOSE_DEADLINE_S)
         await runner.setup()
-        await web.SockSite(runner, self._listener).start()
-        self._loop, self._stopping = asyncio.get_running_loop(), asyncio.Event()
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(self._complain)
+        accepting = await loop.create_server(
+            lambda: self._connection(runner), sock=self._listener, backlog=_BACKLOG
+        )
+        sweeping = asyncio.create_task(self._site.connections.keep_clean())
+        self._loop, self._stopping = loop, asyncio.Event()
         hub.attach(self._loop)
         self._ready.set()
         try:
             await self._stopping.wait()
         finally:
             hub.attach(None)
+            sweeping.cancel()
+            accepting.close()
             await runner.cleanup()
+
+    def _connection(self, runner: web.AppRunner) -> Connection:
+        assert runner.server is not None
+        return Connection(
+            self._site.connections,
+            runner.server,
+            loop=asyncio.get_running_loop(),
+            access_log=None,
+            keepalive_timeout=IDLE_S,
+            # How long an unread body is drained for, e.g. one that came with a STOP.
+            lingering_time=_CLOSE_DEADLINE_S,
+        )
+
+    def _complain(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """Say what asyncio has to say, e.g. that descriptors ran out, in one bounded line."""
+        words = f"{context.get('message')} ({context.get('exception')!r:.200})"
+        self._site.connections.warn.warning("asyncio", words, time.monotonic())
 
     def __enter__(self) -> ServerThread:
         self.start()

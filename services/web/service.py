@@ -31,6 +31,7 @@ from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from services.runtime.settings import Loaded
 from services.runtime.streams import StreamJudge
 from services.web.above import ViewFromAbove
+from services.web.connections import Connections, room_for_connections
 from services.web.control import Control
 from services.web.frames import ViewFrame, describe
 from services.web.guard import HostGuard
@@ -106,7 +107,7 @@ class WebService:
     def tick(self, now_s: float) -> None:
         """What is done a few times a second: status, router, latched state, pending stop."""
         self._status_due_s = now_s + _STATUS_PERIOD_S
-        if self._hub.viewer_count == 0 and self._joiner.waiting:
+        if not self._hub.watched and self._joiner.waiting:
             self._joiner.clear()
         if now_s >= self._router_due_s:
             self._router_due_s = now_s + _ROUTER_PERIOD_S
@@ -183,7 +184,7 @@ class WebService:
         statistics.input(arrival.arrived_s)
         self._board.image(header, arrival.arrived_s)
         # Without a viewer the pixels are not even copied out.
-        if self._hub.viewer_count:
+        if self._hub.watched:
             image = HeldImage(header, arrival.payload, arrival.arrived_s)
             self._show(self._joiner.add_image(image))
 
@@ -288,7 +289,9 @@ def serve(context: ServiceContext[WebServiceSettings]) -> None:
         service = WebService(context, hub, control)
         service.tick(time.monotonic())
         guard = HostGuard(host, port, settings.names, not is_loopback(settings.host))
-        resources.enter_context(ServerThread(Site(hub, control, guard), listener, context.log))
+        connections = Connections(room_for_connections(), context.log)
+        site = Site(hub, control, guard, connections)
+        resources.enter_context(ServerThread(site, listener, context.log))
         context.statistics.details["url"] = url
         context.log.info("page at %s", url)
         if not is_loopback(settings.host):

@@ -65,6 +65,9 @@ def test_other_sites_may_not_watch(page: str) -> None:
     assert asyncio.run(connect({"Origin": "http://evil.example"})) == 403
     assert asyncio.run(connect({"Host": "evil.example"})) == 403
     assert get(f"{page}/snapshot.jpg", Host="evil.example")[0] == 403
+    code, headers, _ = get(f"{page}/snapshot.jpg", **{"Sec-Fetch-Site": "cross-site"})
+    assert code == 403
+    assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
 
 
 def test_posts_must_be_json(page: str) -> None:
@@ -78,7 +81,15 @@ def test_the_page_is_self_contained_and_locked_down(page: str) -> None:
     assert "default-src 'none'" in headers["Content-Security-Policy"]
     assert "unsafe" not in headers["Content-Security-Policy"]
     assert headers["X-Content-Type-Options"] == "nosniff"
-    for name in ("app.js", "link.js", "panel.js", "picture.js", "style.css", "icon.svg"):
+    for name in (
+        "app.js",
+        "link.js",
+        "panel.js",
+        "people.js",
+        "picture.js",
+        "style.css",
+        "icon.svg",
+    ):
         code, headers, content = get(f"{page}/{name}")
         assert code == 200, name
         assert b"https://" not in content, name

@@ -24,13 +24,11 @@ def test_a_busy_server_loop_gets_one_call_and_the_newest_of_all() -> None:
 
         loop.call_soon_threadsafe = count  # type: ignore[method-assign, assignment]
         hub.attach(loop)
-        with hub.viewer() as viewer:
-            assert viewer is not None
-            await asyncio.to_thread(_put_many, hub)
-            shown = await viewer.next_frame(timeout_s=5.0)
-            assert shown is not None
-            assert shown.header["seq"] == 99 or calls > 1
-            assert hub.status()[0] == {"n": 99} or calls > 1
+        await asyncio.to_thread(_put_many, hub)
+        shown = await hub.next_frame(timeout_s=5.0)
+        assert shown is not None
+        assert shown.header["seq"] == 99 or calls > 1
+        assert hub.status()[0] == {"n": 99} or calls > 1
         # One wake-up for all of them would be ideal; one for each would be unbounded.
         assert calls < 100
 
@@ -69,11 +67,28 @@ def test_without_a_server_loop_the_newest_waits() -> None:
     asyncio.run(run())
 
 
-def test_a_viewer_does_not_wait_for_ever() -> None:
+def test_many_who_want_one_picture_take_nobodys_place_and_get_the_same() -> None:
     async def run() -> None:
         hub = Hub(max_viewers=1)
+        hub.attach(asyncio.get_running_loop())
+        waiting = [asyncio.create_task(hub.next_frame(5.0)) for _ in range(50)]
+        await asyncio.sleep(0)
+        assert hub.watched, "so that a picture is coded at all"
         with hub.viewer() as viewer:
             assert viewer is not None
-            assert await viewer.next_frame(timeout_s=0.01) is None
+        hub.put_frame(frame(7))
+        shown = await asyncio.gather(*waiting)
+        assert {one.header["seq"] for one in shown if one is not None} == {7}
+        assert not hub.watched
+        assert hub.viewer_count == 0
+
+    asyncio.run(run())
+
+
+def test_nobody_waits_for_ever_for_a_picture() -> None:
+    async def run() -> None:
+        hub = Hub(max_viewers=1)
+        assert await hub.next_frame(timeout_s=0.01) is None
+        assert not hub.watched
 
     asyncio.run(run())

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -52,3 +53,41 @@ def test_a_small_jpeg_passes_as_it_is() -> None:
 def test_a_payload_that_is_not_the_picture_is_refused(head: object, payload: bytes) -> None:
     with pytest.raises(MessageError):
         to_jpeg(HeldImage(head, payload, 0.0), 640, 80)  # type: ignore[arg-type]
+
+
+def bomb(width: int, height: int, scans: int = 0) -> HeldImage:
+    """A progressive JPEG of some kB that claims a size of its own, and repeats its last scan."""
+    pixels = np.random.default_rng(1).integers(0, 255, (64, 64, 3), np.uint8)
+    done, coded = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])
+    assert done
+    payload = coded.tobytes()
+    frame = payload.index(b"\xff\xc2")
+    size = height.to_bytes(2, "big") + width.to_bytes(2, "big")
+    payload = payload[: frame + 5] + size + payload[frame + 9 : -2]
+    payload += payload[payload.rindex(b"\xff\xda") :][:13] * scans + b"\xff\xd9"
+    head = header(0, width=width, height=height).model_copy(update={"image_encoding": JPEG})
+    return HeldImage(head, payload, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "scans", "why"),
+    [
+        (16384, 16384, 0, "pixels"),
+        (16384, 2100, 5, "pixels"),
+        (64, 64, 40, "scans"),
+        (7680, 4320, 40, "scans"),
+    ],
+)
+def test_a_picture_that_would_cost_too_much_is_refused_before_it_is_decoded(
+    width: int, height: int, scans: int, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    picture = bomb(width, height, scans)
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("decoded"))
+    with pytest.raises(MessageError, match=why):
+        to_jpeg(picture, 960, 80)
+
+
+def test_a_jpeg_that_is_cut_off_is_not_passed_on_to_browsers() -> None:
+    small = image(320, 240, JPEG)
+    with pytest.raises(MessageError, match="cut off"):
+        to_jpeg(HeldImage(small.header, small.payload[:-40], 0.0), 640, 80)
