@@ -50,7 +50,10 @@ def stop(url: str) -> float:
     return time.monotonic() - started_s
 
 
-@pytest.mark.parametrize("words", [b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-slow: "])
+@pytest.mark.parametrize(
+    "words",
+    [pytest.param(b"", marks=pytest.mark.slow), b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-slow: "],
+)
 def test_a_thousand_connections_that_ask_for_nothing_hold_up_no_stop(
     endpoint: str, page: tuple[str, Running], words: bytes
 ) -> None:
