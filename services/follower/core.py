@@ -22,6 +22,8 @@ from schemas.follow import FollowStateName
 from services.follower.camera_info import implausible
 from services.follower.clearance import Sectors
 from services.follower.controller import Goal, VelocityController
+from services.follower.freshness import Freshness
+from services.follower.moving_picture import PictureWatch
 from services.follower.own_motion import OwnMotion
 from services.follower.people import People
 from services.follower.search import Search
@@ -51,6 +53,8 @@ class Follower:
         self._surroundings = Surroundings(settings)
         self._sensors = Sensors(settings)
         self._choice = TargetChoice(settings)
+        self._picture = PictureWatch()
+        self._freshness = Freshness(settings.max_tracks_age_s, settings.confirm_s)
         self._search: Search | None = None
         self._tracks: Tracks | None = None
         self._tracks_s = -math.inf
@@ -112,6 +116,7 @@ class Follower:
         """
         if self._choice.source_is(tracker, tracks):
             self._people.clear()
+            self._freshness.restart()
             self._begin()
         self._tracks, self._tracks_are_new = tracks, True
 
@@ -158,6 +163,11 @@ class Follower:
         if self._choice.request(request, self._tracks, age_s, now_s):
             self._begin()
         return self.target
+
+    @property
+    def too_slow(self) -> str | None:
+        """What of the camera keeps the robot from moving: its rate, or how late tracks come."""
+        return self._freshness.cause
 
     @property
     def pointed(self) -> Pointed | None:
@@ -215,6 +225,7 @@ class Follower:
     def _begin(self) -> None:
         """Somebody else or nobody: what was known of the old one's sight means nothing."""
         self._forget_sight()
+        self._picture.restart()
         self._name = "idle"
 
     def _forget_sight(self) -> None:
@@ -226,7 +237,9 @@ class Follower:
             return
         self._tracks_are_new = False
         self._tracks_s = now_s - tracks_age_s
+        self._freshness.frame(self._tracks_s, tracks_age_s)
         self._people.update(self._tracks, self._tracks_s, self._motion, self.target.track_id)
+        self._watch_picture(self._tracks)
         turned_rad = self._turned_rad()
         if self._choice.pending is not None:
             self._choice.pending.carry(self._tracks, turned_rad, self._people.focal_px)
@@ -234,6 +247,13 @@ class Follower:
             self._choice.interrupted()
         elif self._choice.settle(self._tracks, self._people.seen.values(), self._tracks_s):
             self._begin()
+
+    def _watch_picture(self, tracks: Tracks) -> None:
+        person = self._people.seen.get(self.target.track_id or 0)
+        pose = self._motion.pose_at(self._tracks_s)
+        target = None if person is None else self._track()
+        distance_m = math.inf if person is None else person.distance_m
+        self._picture.frame(tracks, self._tracks_s, target, distance_m, pose)
 
     def _turned_rad(self) -> float:
         """How far the robot turned between the newest two frames."""
@@ -270,6 +290,8 @@ class Follower:
             looked_everywhere=target.track_id not in self._people.known
             or (self._search is not None and self._search.over),
             proven=track is None or track.proven,
+            stale=None if tracks_age_s is None else self._freshness.judge(now_s, tracks_age_s),
+            frozen=self._picture.frozen,
         )
 
     def _enter(self, name: FollowStateName, now_s: float) -> None:

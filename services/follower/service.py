@@ -221,6 +221,7 @@ class FollowerService:
         with self._context.surviving("following"), self._lock:
             command = self._follower.step(now_s, judged_age_s)
             state = self._follower.state
+            self._context.statistics.problem("rate", self._follower.too_slow)
         if command is None or state is None:
             # Nothing is sent, and the drive stops by itself: sooner told than late.
             command = self._follower.halt("the follower cannot compute a command")

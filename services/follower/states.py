@@ -34,6 +34,8 @@ class Situation:
         looked_everywhere: whether the search has been everywhere.
         proven: whether the target is known to be a person at all.
         unreadable: which sensor speaks and cannot be read, in words; "" if none.
+        stale: why nothing may rest on the tracks, None if they are fresh.
+        frozen: whether the picture stands still although the robot moved.
     """
 
     estop: bool
@@ -50,6 +52,8 @@ class Situation:
     looked_everywhere: bool
     proven: bool = True
     unreadable: str = ""
+    stale: str | None = None
+    frozen: bool = False
 
 
 def next_state(present: FollowStateName, now: Situation, settings: FollowerSettings) -> Step:
@@ -69,8 +73,10 @@ def overruled(now: Situation, settings: FollowerSettings) -> Step | None:
         return "idle", now.chosen_reason[:96] or "no target"
     if now.tracks_age_s is None:
         return "acquiring", "no tracks yet"
-    if not now.tracks_age_s <= settings.max_tracks_age_s:
-        return "lost", f"tracks are older than {settings.max_tracks_age_s:g} s"
+    if now.stale is not None:
+        return "lost", now.stale
+    if now.frozen:
+        return "stopped", "the picture does not move though the robot does: is the camera frozen?"
     if now.target_id is None:
         return "acquiring", now.chosen_reason[:96]
     if not now.proven and now.sight in ("clear", "doubtful"):

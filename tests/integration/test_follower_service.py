@@ -19,6 +19,7 @@ from schemas import (
     Target,
     TargetRequest,
     Track,
+    Tracks,
     encode,
     keys,
 )
@@ -67,7 +68,7 @@ class Robot:
 
         def told() -> bool:
             self.seq += 1
-            self.put(keys.tracks("front"), tracks(*self.people, seq=self.seq))
+            self.put(keys.tracks("front"), self._picture())
             for key, message in beside:
                 self.put(key, message.model_copy(update={"seq": self.seq}))
             time.sleep(_PERIOD_S)
@@ -75,6 +76,16 @@ class Robot:
 
         network.wait_until(told, what)
         return self.states[-1]
+
+    def _picture(self) -> Tracks:
+        """A picture that stood still while the robot drives would be a frozen one."""
+        shift_px = 5.0 * (self.seq % 4)
+        people = []
+        for one in self.people:
+            left, top, right, bottom = one.box_xyxy
+            box = (left + shift_px, top, right + shift_px, bottom)
+            people.append(one.model_copy(update={"box_xyxy": box}))
+        return tracks(*people, seq=self.seq)
 
     def choose(self, request: TargetRequest) -> Target:
         replies = list(
@@ -126,7 +137,7 @@ def test_a_point_stays_pending_is_published_and_chosen_once_somebody_is_there(ro
     assert (pointed.x_px, pointed.y_px, pointed.frame.stream) == (3.0, 4.0, "front")
     waiting = robot.until("pending", lambda state: state.pending_point_px is not None)
     assert waiting.reason == "looking for somebody there"
-    robot.people = (person(1, height=60.0), person(2, box_xyxy=(0.0, 0.0, 40.0, 200.0)))
+    robot.people = (person(1, height=60.0), person(2, box_xyxy=(-20.0, 0.0, 40.0, 200.0)))
     found = robot.until("somebody there", lambda state: state.target.track_id is not None)
     assert (found.target.mode, found.target.track_id) == ("point", 2)
 
@@ -136,7 +147,7 @@ def test_heel_follow_waits_for_what_becomes_of_a_point(robot: Robot) -> None:
     command = ("-m", "services", "follow", "3", "4", "--connect", robot.endpoint)
     with running(*command) as process:
         robot.until("pending", lambda state: state.pending_point_px is not None)
-        robot.people = (person(2, box_xyxy=(0.0, 0.0, 40.0, 200.0)),)
+        robot.people = (person(2, box_xyxy=(-20.0, 0.0, 40.0, 200.0)),)
         robot.until("somebody there", lambda state: state.target.track_id is not None)
         assert process.wait(network.DEADLINE_S) == 0
         told = process.stdout()

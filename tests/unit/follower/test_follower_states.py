@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import pytest
@@ -86,8 +85,12 @@ def test_ways_from_state_to_state(
         ({"chosen": False, "chosen_reason": "cleared"}, "idle", "cleared"),
         ({"chosen": False, "chosen_reason": ""}, "idle", "no target"),
         ({"tracks_age_s": None}, "acquiring", "no tracks yet"),
-        ({"tracks_age_s": 0.26}, "lost", "tracks are older than 0.25 s"),
-        ({"tracks_age_s": math.nan}, "lost", "tracks are older than 0.25 s"),
+        ({"stale": "tracks are old", "frozen": True}, "lost", "tracks are old"),
+        (
+            {"frozen": True},
+            "stopped",
+            "the picture does not move though the robot does: is the camera frozen?",
+        ),
         ({"target_id": None, "chosen_reason": "waiting"}, "acquiring", "waiting"),
     ],
 )
