@@ -29,6 +29,11 @@ class BoxScale:
         self.scale = 1.0
         self._t_s: float | None = None
         self._off_s = 0.0
+        self._agreed_s = -math.inf
+
+    def measured(self, t_s: float) -> bool:
+        """Whether a range has lately said the same as the box."""
+        return t_s - self._agreed_s <= _LASTING_S
 
     def learn(self, told_m: float, measured_m: float, t_s: float) -> None:
         """Take in one frame.
@@ -46,7 +51,9 @@ class BoxScale:
         # A range that passes somebody says that they are far: only as far as the box itself does.
         most = _MOST if off_m <= _GATE_M else max(1.0, self.scale)
         self._off_s = self._off_s + dt_s if abs(off_m) > _GATE_M else 0.0
-        if abs(off_m) > _GATE_M and self._off_s < _LASTING_S:
+        if abs(off_m) <= _GATE_M:
+            self._agreed_s = t_s
+        elif self._off_s < _LASTING_S:
             return
         wanted = min(max(measured_m / told_m, _LEAST), most)
         self.scale += (1.0 - math.exp(-dt_s / _MEMORY_S)) * (wanted - self.scale)

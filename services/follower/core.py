@@ -341,9 +341,9 @@ class Follower:
 
     def _goal(self, t_s: float) -> Goal:
         """The chosen person as seen when what is told now takes effect."""
-        place = self._people.known[self.target.track_id or 0].filter
+        person = self._people.known[self.target.track_id or 0]
         pose = self._motion.pose_soon()
-        return Goal(pose.seen(*place.place_at(t_s)), pose.turned(*place.velocity))
+        return Goal(pose.seen(*person.filter.place_at(t_s)), person.velocity(pose, t_s))
 
     def _track(self) -> Track | None:
         tracks = () if self._tracks is None else self._tracks.tracks

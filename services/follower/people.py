@@ -11,18 +11,19 @@ from schemas import CameraInfo, Track, Tracks
 from services.follower.box_scale import BoxScale
 from services.follower.clearance import Sectors
 from services.follower.estimate import PlaceFilter, polar_covariance
-from services.follower.own_motion import OwnMotion
+from services.follower.learned_width import LearnedWidth
+from services.follower.own_motion import OwnMotion, Pose
 from services.follower.people_ranges import RangesInTime
-from services.geometry.camera import Pinhole, camera_from_info
-from services.geometry.person import PersonModel, locate_person
+from services.follower.place import Place, PlaceReader
 
+_LEAST_BOX_PX = 1.0
 _FORGOTTEN_AFTER_S = 0.6
-_FARTHEST_M = 100.0
-_VARYING_SHARE = 0.4
-"""Of the distance's uncertainty: the rest, the person's height, is the same in every frame."""
-_TOLD_DISTANCE_SHARE = 0.1
-_TOLD_BEARING_SIGMA_RAD = 0.02
-"""Assumed errors of places that a tracker tells without theirs."""
+_LEAVES_MPS, _DOUBTFULLY_LEAVES_MPS = 2.0, 0.5
+_LEAVES_SHARE, _DOUBTFULLY_LEAVES_SHARE = 0.1, 0.02
+"""Nobody is suddenly farther away: they walk there, and a box is that much wrong."""
+_NEARER_SHARE = 0.06
+_HEIGHT_RESERVE_M = 0.35
+"""Somebody of 0.9 m, taken for an adult 1.5 m away, is 0.8 m away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +33,9 @@ class Person:
     Attributes:
         distance_m, bearing_rad: from the camera when the picture was taken.
         seen_s: when that was.
+        certain: whether all that is seen fits somebody who stands there.
+        by_height: whether their distance rests on the assumed height of people.
+        reserve_m: by how much it may be less than told for that reason.
     """
 
     id: int
@@ -40,6 +44,24 @@ class Person:
     seen_s: float
     filter: PlaceFilter
     box_scale: BoxScale
+    width: LearnedWidth
+    certain: bool
+    by_height: bool
+    reserve_m: float
+
+    def velocity(self, pose: Pose, t_s: float) -> tuple[float, float]:
+        """Over ground, in the axes of a robot at a pose.
+
+        Nothing of it leads away from a robot that is not certain where they are: a box that shrinks
+        may be that of somebody who bends down.
+        """
+        velocity = pose.turned(*self.filter.velocity)
+        place = pose.seen(*self.filter.place_at(t_s))
+        away = place[0] * velocity[0] + place[1] * velocity[1]
+        if self.certain or away <= 0:
+            return velocity
+        share = away / max(place[0] ** 2 + place[1] ** 2, 1e-6)
+        return velocity[0] - share * place[0], velocity[1] - share * place[1]
 
 
 class People:
@@ -51,17 +73,14 @@ class People:
     """
 
     def __init__(self, person_height_m: float, horizontal_fov_rad: float) -> None:
-        self._model = PersonModel(height_m=person_height_m)
-        self._fov_rad = horizontal_fov_rad
-        self._info: CameraInfo | None = None
-        self._camera: Pinhole | None = None
+        self._reader = PlaceReader(person_height_m, horizontal_fov_rad)
         self._known: dict[int, Person] = {}
         self._seen: dict[int, Person] = {}
         self._ranges: RangesInTime | None = None
 
     def set_camera(self, info: CameraInfo) -> None:
         """Use what the camera says of itself."""
-        self._info, self._camera = info, None
+        self._reader.set_camera(info)
 
     def clear(self) -> None:
         """Forget everybody: another tracker, other ids."""
@@ -80,7 +99,7 @@ class People:
     @property
     def focal_px(self) -> float:
         """Of the camera that took the newest frame."""
-        return self._camera.focal_px if self._camera is not None else 1.0
+        return self._reader.focal_px
 
     def observe(self, sectors: Sectors, now_s: float) -> None:
         """Take free distances at their arrival: they also tell how far people are."""
@@ -95,13 +114,15 @@ class People:
             motion: where the robot was then.
             keep: who is never forgotten.
         """
-        camera = self._camera_for(tracks)
+        self._reader.look_at(tracks)
         self._seen = {}
         for track in tracks.tracks:
-            if track.shown and track.state == "tracked":
-                place = _place(track, camera, self._model)
+            if track.shown and track.state == "tracked" and _has_area(track):
+                known = self._known.get(track.id)
+                width = LearnedWidth() if known is None else known.width
+                place = self._reader.read(track, width, t_s)
                 if place is not None:
-                    self._seen[track.id] = self._filtered(track.id, place, t_s, motion)
+                    self._seen[track.id] = self._filtered(track.id, place, width, t_s, motion)
         self._known |= self._seen
         self._known = {
             person.id: person
@@ -110,16 +131,21 @@ class People:
         }
 
     def _filtered(
-        self, track_id: int, place: tuple[float, float, float, float], t_s: float, motion: OwnMotion
+        self, track_id: int, place: Place, width: LearnedWidth, t_s: float, motion: OwnMotion
     ) -> Person:
         known = self._known.get(track_id)
         box_scale = BoxScale() if known is None else known.box_scale
-        told_m, bearing_rad, distance_sigma_m, bearing_sigma_rad = place
-        distance_m = box_scale.scale * told_m
         pose = motion.pose_at(t_s)
-        where = np.array(pose.place(distance_m, bearing_rad))
+        distance_m = box_scale.scale * place.distance_m
+        if known is not None and not place.told:
+            distance_m = min(distance_m, _farthest_m(known, pose, t_s, place.certain))
+        sigma_m = place.distance_sigma_m
+        if known is not None and not place.certain and distance_m < _last_m(known, pose):
+            # In doubt the nearer one wins, and at once.
+            sigma_m = min(sigma_m, _NEARER_SHARE * distance_m)
+        where = np.array(pose.place(distance_m, place.bearing_rad))
         covariance = polar_covariance(
-            pose.heading_rad + bearing_rad, distance_m, distance_sigma_m, bearing_sigma_rad
+            pose.heading_rad + place.bearing_rad, distance_m, sigma_m, place.bearing_sigma_rad
         )
         if known is None or t_s - known.seen_s > _FORGOTTEN_AFTER_S:
             made = PlaceFilter(where, covariance, t_s)
@@ -129,45 +155,29 @@ class People:
         if self._ranges is not None:
             measured_m = self._ranges.sharpen(made, t_s, motion)
             if measured_m is not None:
-                box_scale.learn(told_m, measured_m, t_s)
-        return Person(track_id, distance_m, bearing_rad, t_s, made, box_scale)
-
-    def _camera_for(self, tracks: Tracks) -> Pinhole:
-        size = (tracks.width, tracks.height)
-        if self._camera is None or (self._camera.width_px, self._camera.height_px) != size:
-            made = None
-            if self._info is not None:
-                info = self._info.model_copy(update={"width": size[0], "height": size[1]})
-                made = camera_from_info(info, self._fov_rad)
-            self._camera = made or Pinhole.from_fov(*size, self._fov_rad)
-        return self._camera
+                box_scale.learn(place.distance_m, measured_m, t_s)
+        unsure = place.by_height and not box_scale.measured(t_s)
+        return Person(
+            track_id, distance_m, place.bearing_rad, t_s, made, box_scale, width, place.certain,
+            place.by_height, _HEIGHT_RESERVE_M if unsure else 0.0,
+        )  # fmt: skip
 
 
-def _place(
-    track: Track, camera: Pinhole, model: PersonModel
-) -> tuple[float, float, float, float] | None:
-    """Distance, bearing and their standard deviations; the tracker's own word comes first."""
-    seen = locate_person(track.box_xyxy, camera, model)
-    if seen is None:
-        # A kerb or a ramp lifts feet over the horizon of flat ground; the height still tells.
-        unmounted = Pinhole(camera.width_px, camera.height_px, camera.focal_px)
-        seen = locate_person(track.box_xyxy, unmounted, model)
-    share = 1.0 if seen is None or seen.evidence in ("bound", "cut height") else _VARYING_SHARE
-    if track.distance_m is not None:
-        distance_m = track.distance_m
-        sigma_m = track.distance_sigma_m or _TOLD_DISTANCE_SHARE * distance_m
-    elif seen is not None:
-        distance_m, sigma_m = seen.distance_m, seen.distance_sigma_m
-    else:
-        return None
-    if track.bearing_rad is not None:
-        bearing_rad = math.remainder(track.bearing_rad, 2 * math.pi)
-        bearing_sigma_rad = track.bearing_sigma_rad or _TOLD_BEARING_SIGMA_RAD
-    elif seen is not None:
-        bearing_rad, bearing_sigma_rad = seen.bearing_rad, seen.bearing_sigma_rad
-    else:
-        return None
-    return (
-        min(distance_m, _FARTHEST_M), bearing_rad, min(share * sigma_m, _FARTHEST_M),
-        min(bearing_sigma_rad, math.pi),
-    )  # fmt: skip
+def _has_area(track: Track) -> bool:
+    """Whether a box is one of pixels: of a thinner one nothing can be told."""
+    left, top, right, bottom = track.box_xyxy
+    return right - left >= _LEAST_BOX_PX and bottom - top >= _LEAST_BOX_PX
+
+
+def _farthest_m(known: Person, pose: Pose, t_s: float, certain: bool) -> float:
+    """As far as somebody can have walked since they were last seen."""
+    since_s = max(0.0, t_s - known.seen_s)
+    last_m = _last_m(known, pose)
+    if certain:
+        return (1.0 + _LEAVES_SHARE) * last_m + _LEAVES_MPS * since_s
+    return (1.0 + _DOUBTFULLY_LEAVES_SHARE) * last_m + _DOUBTFULLY_LEAVES_MPS * since_s
+
+
+def _last_m(known: Person, pose: Pose) -> float:
+    """How far away from a pose somebody was when last seen."""
+    return math.hypot(*pose.seen(*known.filter.place_at(known.filter.t_s)))

@@ -18,6 +18,8 @@ _PASSING_FROM_M, _PASSING_AHEAD_M = 0.8, 5.0
 _WALK_MPS = 0.5
 _GREATEST_SIDESTEP_RAD = 0.35
 """Keeps the target in the picture of a camera with 60 degrees."""
+_LEAST_SHARE = 0.4
+"""Who is taken for an adult and is a child is not nearer by more than that."""
 _CURVE_S = 0.3
 """A turning robot also looks where it will be heading by then."""
 _TARGETS_SPACE, _OTHERS_SPACE = "personal space", "somebody else is in the way"
@@ -66,10 +68,12 @@ class Surroundings:
         ways = [(math.inf, "")]
         for person in people.known.values():
             place = pose.seen(*person.filter.place_at(now_s))
-            velocity = pose.turned(*person.filter.velocity)
+            if person.by_height or not person.certain:
+                place = self._something_towards(place, _LEAST_SHARE)
+            velocity = person.velocity(pose, now_s)
             is_target = person.id == target_id
             margin_m = _TARGET_MARGIN_M if is_target else _OTHERS_MARGIN_M
-            space_m = self._settings.personal_space_m + margin_m
+            space_m = self._settings.personal_space_m + margin_m + person.reserve_m
             whose = _TARGETS_SPACE if is_target else _OTHERS_SPACE
             ways.append((room_before_person_m(place, velocity, space_m), whose))
             if is_target and not seen:
@@ -85,11 +89,18 @@ class Surroundings:
         ahead_m, ends_at = min(ways, key=lambda way: way[0])
         return Room(ahead_m, behind_m, ends_at)
 
-    def _something_towards(self, place: tuple[float, float]) -> tuple[float, float]:
-        """What ranges show in the direction of a place, or the place itself if that is nearer."""
+    def _something_towards(
+        self, place: tuple[float, float], least_share: float = 0.0
+    ) -> tuple[float, float]:
+        """What ranges show in the direction of a place, or the place itself if that is nearer.
+
+        Args:
+            place: metres ahead and to the left.
+            least_share: what is nearer than so much of the way is something else.
+        """
         distance_m, bearing_rad = math.hypot(*place), math.atan2(place[1], place[0])
         range_m = None if self._sectors is None else self._sectors.towards_m(bearing_rad)
-        if range_m is None or range_m + BODY_M >= distance_m:
+        if range_m is None or not least_share * distance_m <= range_m + BODY_M < distance_m:
             return place
         share = (range_m + BODY_M) / distance_m
         return place[0] * share, place[1] * share

@@ -6,10 +6,14 @@ the person's, so each edge of the box that is seen says something of `q = 1 / d`
 
     s_feet = mount * q        s_head = (mount - person) * q
 
-The two are combined by generalised least squares in `q`. Their errors: edges of boxes, the
-person's height (head only), and the pitch of a rocking robot, which moves both alike. Where the
-mounting is not known only the difference says something: `s_feet - s_head = person * q`.
-An end that is cut off tells, too: whoever is farther away would show it.
+Where both agree they are combined by generalised least squares in `q`. Their errors: edges of
+boxes, the person's height (head only), and the pitch of a rocking robot, which moves both alike.
+Where the mounting is not known the difference tells, `s_feet - s_head = person * q`, and a
+`GroundLine` that was learned from people who stood upright says where their feet are seen.
+
+All of these are mistaken to the same side: who sits, bends or is small, whose feet a table hides
+or the picture's border cuts off, is nearer than an upright adult with such a box would be. So
+where they disagree the nearer one counts, and the width of the box bounds the distance, too.
 """
 
 from __future__ import annotations
@@ -19,35 +23,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from services.geometry.camera import GroundCamera, Pinhole
+from services.geometry.ground_line import GroundLine
+from services.geometry.person_box import PersonBox, PersonModel
 
-Evidence = Literal["feet and head", "feet", "head", "height", "cut height", "bound"]
-_FARTHEST_M = 1000.0
-_TALL_SIGMAS = 3.0
+__all__ = ["Evidence", "PersonModel", "PersonPosition", "locate_person", "locate_raised"]
 
-
-@dataclass(frozen=True, slots=True)
-class PersonModel:
-    """What is assumed of people and their boxes.
-
-    Attributes:
-        height_m, height_sigma_m: of people (95 % of adults are within 0.2 m of 1.7).
-        edge_sigma_px, edge_sigma_share: an edge of a box is that many pixels wrong, plus that
-            share of the box's height.
-        pitch_sigma_rad: how much a robot rocks; each 0.01 rad moves a person who is 3 m away
-            from a camera 0.8 m high by 0.12 m.
-        border_px: an edge so near to the picture's border is cut off.
-    """
-
-    height_m: float = 1.7
-    height_sigma_m: float = 0.1
-    edge_sigma_px: float = 1.5
-    edge_sigma_share: float = 0.02
-    pitch_sigma_rad: float = 0.01
-    border_px: float = 2.0
+Evidence = Literal["feet and head", "feet", "head", "height", "cut height", "width", "bound"]
+_AGREE_SIGMAS = 3.0
+_AGREE_SHARE = 0.12
+"""So much of the distance apart, two judgements of it agree, besides what edges of boxes err."""
+_STRIDE = 1.6
+"""A stride seen from the side widens a box by that; it does not bring anybody nearer."""
+_SEATED = 1.25
+"""So much wider than a narrow adult is who sits."""
+_WIDER, _DOUBTFULLY_WIDER = 1.1, 1.3
+"""Boxes of the same person vary that much in width; and from there on something is wrong."""
+_WIDEST_M = 1.0
+"""No person is wider, in a stride seen from the side or in a wheelchair seen from the front."""
+_DOUBTFUL_SHARE = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +56,8 @@ class PersonPosition:
             taken for them is not; the person is anywhere from touching to twice `distance_m`.
             `cut height`: one of them is cut off and the mounting is unknown; the person may be
             nearer.
+        certain: whether all that is seen fits somebody who stands there. Otherwise `distance_m` is
+            the nearest of several judgements, and a box that shrinks means nothing.
     """
 
     distance_m: float
@@ -69,168 +65,162 @@ class PersonPosition:
     distance_sigma_m: float
     bearing_sigma_rad: float
     evidence: Evidence
+    certain: bool
 
 
 def locate_person(
-    box_xyxy: Sequence[float], camera: Pinhole, model: PersonModel | None = None
-) -> PersonPosition | None:
+    box_xyxy: Sequence[float], camera: Pinhole, model: PersonModel | None = None,
+    ground: GroundLine | None = None,
+) -> PersonPosition | None:  # fmt: skip
     """Bearing and distance of a person.
 
     Args:
         box_xyxy: left, top, right, bottom in pixels of the camera's picture.
         camera: a `GroundCamera` where the mounting is known, else a `Pinhole`.
-        model: what is assumed of people.
+        model: what is assumed of people, or known of this one.
+        ground: where feet were seen so far, for a camera of unknown mounting.
 
     Returns:
         None for a box without area, one outside the picture, or one that nobody can have who
-        stands on the ground (feet above the horizon).
+        stands on the ground (feet above the horizon): see `locate_raised`.
     """
-    model = model or PersonModel()
-    left, top, right, bottom = box_xyxy
-    if not _is_seen(left, top, right, bottom, camera):
+    box = PersonBox.of(box_xyxy, camera, model or PersonModel())
+    if box is None:
         return None
-    middle_px = (left + right) / 2
-    sigma_px = model.edge_sigma_px + model.edge_sigma_share * (bottom - top)
-    head_seen = top > model.border_px
-    feet_seen = bottom < camera.height_px - model.border_px
-    if isinstance(camera, GroundCamera):
-        seen = _by_ground(middle_px, top if head_seen else None, bottom if feet_seen else None,
-                          camera, model, sigma_px)  # fmt: skip
-        seen = _not_beyond(_farthest_m(middle_px, head_seen, feet_seen, camera, model), seen)
-    else:
-        seen = _by_height(middle_px, top, bottom, head_seen, feet_seen, camera, model, sigma_px)
-    if not (head_seen or feet_seen):
-        seen = _by_bound(middle_px, top, bottom, camera, model)
-    if seen is None:
+    seen = _by_ground(box) if isinstance(camera, GroundCamera) else _by_height(box, ground)
+    return None if seen is None else _position(box, seen)
+
+
+def locate_raised(
+    box_xyxy: Sequence[float], camera: Pinhole, model: PersonModel | None = None
+) -> PersonPosition | None:
+    """Somebody whose lower edge is above the horizon of flat ground.
+
+    They stand on a kerb or a ramp, or a table as high as the camera hides their feet: never
+    certain.
+
+    Args:
+        box_xyxy, camera, model: as for `locate_person`.
+    """
+    box = PersonBox.of(box_xyxy, camera, model or PersonModel())
+    if box is None:
         return None
-    distance_m, distance_sigma_m, evidence = seen
-    row_px = bottom if feet_seen else (top + bottom) / 2
+    distance_m = min(box.height_m(), box.width_m())
+    return _position(box, (distance_m, _DOUBTFUL_SHARE * distance_m, "width", False))
+
+
+_Seen = tuple[float, float, Evidence, bool]
+
+
+def _position(box: PersonBox, seen: _Seen) -> PersonPosition:
+    distance_m, distance_sigma_m, evidence, certain = seen
     return PersonPosition(
-        distance_m, camera.bearing_rad(middle_px, row_px), distance_sigma_m,
-        _bearing_sigma_rad(left, right, camera, model, sigma_px), evidence,
-    )  # fmt: skip
-
-
-_Seen = tuple[float, float, Evidence]
-
-
-def _is_seen(left: float, top: float, right: float, bottom: float, camera: Pinhole) -> bool:
-    """Whether the box has an area within the picture; NaN fails every comparison."""
-    across = left < right and right > 0 and left < camera.width_px
-    return across and top < bottom and bottom > 0 and top < camera.height_px
-
-
-def _bearing_sigma_rad(
-    left: float, right: float, camera: Pinhole, model: PersonModel, sigma_px: float
-) -> float:
-    """Both edges are seen: their mean; one is cut off: half the box may be missing, too."""
-    cut = left <= model.border_px or right >= camera.width_px - model.border_px
-    off_px = (right - left) / 2 if cut else 0.0
-    return math.hypot(sigma_px / math.sqrt(2), off_px) / camera.focal_px
-
-
-def _by_ground(
-    middle_px: float, top: float | None, bottom: float | None, camera: GroundCamera,
-    model: PersonModel, sigma_px: float,
-) -> _Seen | None:  # fmt: skip
-    """Distance from the edges that are seen (None: cut off), the mounting known."""
-    falls, slopes, edge_sigma, height_share = [], [], [], []
-    for row_px, fall_m, share in (
-        (bottom, camera.mount_height_m, 0.0),
-        (top, camera.mount_height_m - model.height_m, 1.0),
-    ):
-        if row_px is not None:
-            slope = camera.slope(middle_px, row_px)
-            falls.append(fall_m)
-            slopes.append(slope)
-            edge_sigma.append((1 + slope * slope) * sigma_px / camera.focal_px)
-            height_share.append(share)
-    if not falls or not all(map(math.isfinite, slopes)):
-        return None
-    solved = _least_squares(
-        np.array(falls), np.array(slopes), np.array(edge_sigma), np.array(height_share), model
+        distance_m, box.bearing_rad(), distance_sigma_m, box.bearing_sigma_rad(), evidence, certain
     )
-    if solved is None:
+
+
+def _by_ground(box: PersonBox) -> _Seen | None:
+    """The mounting is known."""
+    if box.head_seen and box.feet_seen:
+        return _by_feet_and_head(box)
+    if box.feet_seen:
+        return _by_feet(box)
+    if box.head_seen:
+        return _by_head(box)
+    return _cut_at_both_ends(box, box.farthest_m())
+
+
+def _by_feet_and_head(box: PersonBox) -> _Seen | None:
+    both = box.least_squares(feet=True, head=True)
+    if not box.feet_m() < math.inf or both is None:
         return None
-    evidence: Evidence = "feet" if top is None else "head" if bottom is None else "feet and head"
-    return *solved, evidence
+    shorter_by, sigma = box.shorter_by()
+    if abs(shorter_by) <= _AGREE_SIGMAS * sigma:
+        return _within_stride(box, (*both, "feet and head", True))
+    if shorter_by > 0:
+        # A child, or somebody who sits or bends: the ground tells, not the head.
+        feet = box.least_squares(feet=True, head=False)
+        share = 1.0 if box.model.width_known else _SEATED
+        return None if feet is None else _not_wider(box, (*feet, "feet", True), share)
+    head = box.least_squares(feet=False, head=True)
+    distance_m = min(box.height_m(), math.inf if head is None else head[0])
+    return _not_wider(box, (distance_m, _DOUBTFUL_SHARE * distance_m, "head", False))
 
 
-def _farthest_m(
-    middle_px: float, head_seen: bool, feet_seen: bool, camera: GroundCamera, model: PersonModel
-) -> float:
-    """Where the ends that are cut off would come into the picture; infinite if nothing is."""
-    farthest_m = math.inf
-    over_camera_m = model.height_m + _TALL_SIGMAS * model.height_sigma_m - camera.mount_height_m
-    highest = camera.slope(middle_px, model.border_px)
-    lowest = camera.slope(middle_px, camera.height_px - model.border_px)
-    if not head_seen and over_camera_m > 0 and highest < 0:
-        farthest_m = over_camera_m / -highest
-    if not feet_seen and lowest > 0:
-        farthest_m = min(farthest_m, camera.mount_height_m / lowest)
-    return farthest_m
-
-
-def _not_beyond(farthest_m: float, seen: _Seen | None) -> _Seen | None:
-    """What is seen, unless what is cut off contradicts it: half a person's lower edge is no feet.
+def _by_feet(box: PersonBox) -> _Seen | None:
+    """The head is cut off. Whoever is farther away would show it.
 
     A network's boxes of rendered people 1 m away ended at the hips: 3.8 m, said the "feet".
     """
-    if seen is None or seen[0] <= farthest_m:
-        return seen
-    distance_m, distance_sigma_m, evidence = seen
-    if distance_m - 2 * distance_sigma_m <= farthest_m:
-        return farthest_m, distance_sigma_m, evidence
-    return farthest_m / 2, farthest_m / math.sqrt(12), "bound"
-
-
-def _least_squares(
-    falls: NDArray[np.float64], slopes: NDArray[np.float64], edge_sigma: NDArray[np.float64],
-    height_share: NDArray[np.float64], model: PersonModel,
-) -> tuple[float, float] | None:  # fmt: skip
-    """Distance and its standard deviation; the height's error scales with 1/d, hence two rounds."""
-    inverse_m = 0.3
-    variance = math.inf
-    for _ in range(3):
-        height = height_share * (model.height_sigma_m * inverse_m)
-        # Pitch moves an angle; slope is its tangent.
-        pitch = (1 + slopes**2) * model.pitch_sigma_rad
-        covariance = np.diag(edge_sigma**2 + height**2) + np.outer(pitch, pitch)
-        weights = np.linalg.solve(covariance, falls)
-        information = float(weights @ falls)
-        if information <= 0:
-            return None
-        inverse_m = float(weights @ slopes) / information
-        variance = 1.0 / information
-        if inverse_m <= 1.0 / _FARTHEST_M:
-            return None
-    return 1.0 / inverse_m, math.sqrt(variance) / inverse_m**2
-
-
-def _by_height(
-    middle_px: float, top: float, bottom: float, head_seen: bool, feet_seen: bool,
-    camera: Pinhole, model: PersonModel, sigma_px: float,
-) -> _Seen | None:  # fmt: skip
-    """Apparent distance: a person who looks half as tall is twice as far away."""
-    span = camera.slope(middle_px, bottom) - camera.slope(middle_px, top)
-    if span <= model.height_m / _FARTHEST_M:
+    feet = box.least_squares(feet=True, head=False)
+    if feet is None:
         return None
-    distance_m = model.height_m / span
-    edges = math.sqrt(2) * sigma_px / (bottom - top)
-    relative = math.hypot(model.height_sigma_m / model.height_m, edges)
-    if head_seen and feet_seen:
-        return distance_m, distance_m * relative, "height"
-    return distance_m, distance_m * math.hypot(relative, 0.25), "cut height"
+    (distance_m, sigma_m), farthest_m = feet, box.farthest_m()
+    if distance_m - 2 * sigma_m > farthest_m:
+        return _cut_at_both_ends(box, farthest_m)
+    return _by_one_end(box, min(distance_m, farthest_m), sigma_m, "feet")
 
 
-def _by_bound(
-    middle_px: float, top: float, bottom: float, camera: Pinhole, model: PersonModel
-) -> _Seen:
-    """Neither end is seen: uniform between touching and the distance at which one would be."""
-    span = camera.slope(middle_px, bottom) - camera.slope(middle_px, top)
-    farthest_m = model.height_m / span
-    if isinstance(camera, GroundCamera):
-        slope = camera.slope(middle_px, bottom)
-        if slope > 0:
-            farthest_m = min(farthest_m, camera.mount_height_m / slope)
-    return farthest_m / 2, farthest_m / math.sqrt(12), "bound"
+def _by_head(box: PersonBox) -> _Seen:
+    """The feet are cut off: no farther away than where they would come into the picture."""
+    farthest_m, head = box.farthest_m(), box.least_squares(feet=False, head=True)
+    if head is None or head[0] - 2 * head[1] > farthest_m:
+        return _cut_at_both_ends(box, farthest_m)
+    return _by_one_end(box, min(head[0], farthest_m), head[1], "head")
+
+
+def _by_one_end(box: PersonBox, distance_m: float, sigma_m: float, evidence: Evidence) -> _Seen:
+    """Nothing but the width can contradict a single end."""
+    if not box.model.width_known:
+        return _no_giant(box, (distance_m, sigma_m, evidence, True))
+    certain = distance_m <= _DOUBTFULLY_WIDER * box.width_m()
+    return _not_wider(box, (distance_m, sigma_m, evidence, certain), _WIDER)
+
+
+def _cut_at_both_ends(box: PersonBox, farthest_m: float) -> _Seen:
+    """No end that is seen tells the distance: the width does, or it is anywhere up to a bound."""
+    if box.model.width_known:
+        distance_m = min(farthest_m, box.height_m(), box.width_m())
+        return distance_m, _DOUBTFUL_SHARE * distance_m, "width", False
+    farthest_m = min(farthest_m, box.height_m())
+    distance_m = min(farthest_m / 2, box.width_m())
+    return distance_m, farthest_m / math.sqrt(12), "bound", False
+
+
+def _by_height(box: PersonBox, ground: GroundLine | None) -> _Seen | None:
+    """The mounting is unknown. Apparent distance: who looks half as tall is twice as far away."""
+    distance_m = box.height_m()
+    if not distance_m < math.inf:
+        return None
+    feet_m = math.inf if ground is None else ground.distance_m(box.lower_slope)
+    sigma_m = distance_m * box.height_share()
+    if not (box.head_seen and box.feet_seen):
+        if not (box.head_seen or box.feet_seen):
+            return _cut_at_both_ends(box, feet_m)
+        distance_m = min(distance_m, feet_m, box.width_m())
+        return distance_m, distance_m * math.hypot(box.height_share(), 0.25), "cut height", False
+    if ground is None:
+        return _no_giant(box, (distance_m, sigma_m, "height", True))
+    apart, agree = distance_m / feet_m - 1.0, _AGREE_SHARE + 2 * box.height_noise()
+    if abs(apart) <= agree:
+        return _no_giant(box, _by_one_end(box, distance_m, sigma_m, "height"))
+    distance_m = min(distance_m, feet_m)
+    return _not_wider(box, (distance_m, _DOUBTFUL_SHARE * distance_m, "feet", False))
+
+
+def _within_stride(box: PersonBox, seen: _Seen) -> _Seen:
+    """What fits an upright adult, unless the box is far too wide for where they would stand."""
+    return _not_wider(box, seen, _STRIDE) if box.model.width_known else seen
+
+
+def _no_giant(box: PersonBox, seen: _Seen) -> _Seen:
+    """What would make a person wider than any is not where they are."""
+    return seen if box.wide_m(seen[0]) <= _WIDEST_M else _not_wider(box, seen)
+
+
+def _not_wider(box: PersonBox, seen: _Seen, share: float = 1.0) -> _Seen:
+    """No farther away than the width of the box lets be."""
+    most_m = share * box.width_m()
+    if seen[0] <= most_m:
+        return seen
+    return most_m, _DOUBTFUL_SHARE * most_m, "width", False

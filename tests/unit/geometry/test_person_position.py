@@ -85,7 +85,9 @@ def test_without_mounting_only_the_apparent_height_counts() -> None:
     cut = locate_person(box_at(MOUNTED, 1.15), LEVEL)
     assert cut is not None
     assert cut.evidence == "cut height"
-    assert cut.distance_sigma_m > 0.25 * 1.15
+    assert cut.distance_m <= 1.15
+    assert cut.distance_sigma_m > 0.25 * cut.distance_m
+    assert not cut.certain
 
 
 def test_feet_on_the_ground_correct_a_wrong_height() -> None:
