@@ -5,13 +5,14 @@ from __future__ import annotations
 import typer
 
 from services.commands.calibrate import calibrate
-from services.commands.control import follow, resume, stop
+from services.commands.control import follow
 from services.commands.demo import demo
 from services.commands.run import run
 from services.commands.scenarios import scenarios
 from services.commands.schema import schema
 from services.commands.score import score
 from services.commands.status import status
+from services.commands.stopping import resume, stop
 from services.commands.track_detections import track_detections
 
 

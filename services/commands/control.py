@@ -1,4 +1,4 @@
-"""`heel follow`, `stop` and `resume`: a word with the robot that is running."""
+"""`heel follow`: whom the robot that is running is to follow."""
 
 from __future__ import annotations
 
@@ -8,22 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from schemas import (
-    EStop,
-    FollowState,
     HeelError,
     SettingsError,
     Target,
     TargetRequest,
-    encode,
     keys,
 )
 from services.commands.robot import (
-    TIMEOUT_S,
     Config,
     Connect,
     Namespace,
     RunOption,
-    Where,
     ask,
     find,
     session_with,
@@ -99,43 +94,3 @@ def shown(target: Target) -> str:
     """A target for people, as one line."""
     who = target.mode if target.track_id is None else f"person {target.track_id} ({target.mode})"
     return printable(f"{who}: {target.reason}")
-
-
-def stop(
-    connect: Connect = None,
-    run: RunOption = None,
-    namespace: Namespace = None,
-    config: Config = None,
-) -> None:
-    """Emergency stop: zero velocity until `heel resume`."""
-    _estop(True, find(connect, run, namespace, config))
-
-
-def resume(
-    connect: Connect = None,
-    run: RunOption = None,
-    namespace: Namespace = None,
-    config: Config = None,
-) -> None:
-    """Release the emergency stop."""
-    _estop(False, find(connect, run, namespace, config))
-
-
-def _estop(engaged: bool, where: Where) -> None:
-    """Publish until somebody who obeys confirms: a stop that was not heard is no stop."""
-    import zenoh
-
-    message = EStop(engaged=engaged, source="heel command", t_ns=time.time_ns())
-    with session_with(where) as session:
-        publisher = session.declare_publisher(
-            keys.FOLLOW_ESTOP, express=True, priority=zenoh.Priority.REAL_TIME,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-        )  # fmt: skip
-        deadline_s = time.monotonic() + TIMEOUT_S
-        while time.monotonic() < deadline_s:
-            publisher.put(encode(message), encoding=message.encoding())
-            state = ask(session, keys.FOLLOW_STATE, FollowState)
-            if isinstance(state, FollowState) and state.estop == engaged:
-                typer.echo("stopped: `heel resume` releases it" if engaged else "resumed")
-                return
-    raise HeelError("no follower confirms: is the robot on, and is --connect its router?")

@@ -18,7 +18,7 @@ VARIABLE = "HEEL_RUNTIME_DIR"
 """Names another run folder: a container's volume, or one for every test."""
 
 _SO_NETNS_COOKIE = 71
-_PORT = re.compile(r":(\d+)")
+_HOST_AND_PORT = re.compile(r"[a-z-]+/(.+):(\d+)")
 
 
 def run_folder() -> Path:
@@ -66,13 +66,34 @@ def _wanted() -> Path:
 def robot_name(zenoh: ZenohSettings) -> str:
     """The robot that a process with these settings works for, as a name for files of this host.
 
-    It is made of the robot's name and of its router's ports, not of the router's addresses, of
-    which it may have several, and of the network namespace unless the folder is named: another
-    container's 127.0.0.1 is another robot's.
+    It is made of the robot's name and of its router. All addresses of this machine are one; but
+    another network namespace's are others, unless the folder is named: a container's 127.0.0.1 is
+    another robot's.
     """
-    ports = sorted({port for address in zenoh.connect for port in _PORT.findall(address)})
     where = "" if VARIABLE in os.environ else _network()
-    return _digest(where, zenoh.namespace, ",".join(ports or zenoh.connect))
+    return _digest(where, zenoh.namespace, *sorted({_router(one) for one in zenoh.connect}))
+
+
+def _router(endpoint: str) -> str:
+    found = _HOST_AND_PORT.fullmatch(endpoint.partition("#")[0])
+    if found is None:
+        return endpoint
+    host, port = found.groups()
+    return f"{'' if _is_own(host.strip('[]')) else host}:{port}"
+
+
+def _is_own(host: str) -> bool:
+    """Whether an address is this machine's, without asking anybody for names."""
+    if host == "localhost":
+        return True
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        socket.inet_pton(family, host)
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.bind((host, 0))
+    except OSError:
+        return False
+    return True
 
 
 def private_run() -> str:

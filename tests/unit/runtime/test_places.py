@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from schemas.errors import SettingsError
-from services.runtime.places import run_folder
+from services.runtime.places import private_run, robot_name, run_folder
+from services.runtime.process import PARENT_VARIABLE
+from services.runtime.settings import ZenohSettings
 
 
 def test_the_named_folder_is_made_for_its_owner_alone(
@@ -70,3 +72,37 @@ def test_what_cannot_be_made_is_one_line(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setenv("HEEL_RUNTIME_DIR", str(tmp_path / "file" / "run"))
     with pytest.raises(SettingsError, match=r"run folder .*name another"):
         run_folder()
+
+
+def name_of(connect: str, namespace: str = "") -> str:
+    return robot_name(ZenohSettings(connect=(connect,), namespace=namespace))
+
+
+@pytest.mark.parametrize(
+    "other", ["tcp/localhost:7447", "tcp/[::1]:7447", "tcp/0.0.0.0:7447#so_sndbuf=9"]
+)
+def test_every_address_of_this_machine_is_the_same_robot(other: str) -> None:
+    assert name_of(other) == name_of("tcp/127.0.0.1:7447")
+
+
+@pytest.mark.parametrize(
+    ("other", "namespace"),
+    [
+        ("tcp/127.0.0.1:7448", ""),
+        ("tcp/192.0.2.1:7447", ""),
+        ("tcp/robot:7447", ""),
+        ("tcp/127.0.0.1:7447", "r2"),
+    ],
+)
+def test_another_router_or_name_is_another_robot(other: str, namespace: str) -> None:
+    assert name_of(other, namespace) != name_of("tcp/127.0.0.1:7447")
+
+
+def test_a_run_is_told_from_the_next_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(PARENT_VARIABLE, raising=False)
+    assert private_run() == ""
+    monkeypatch.setenv(PARENT_VARIABLE, str(os.getpid()))
+    mine = private_run()
+    assert mine == private_run() != ""
+    monkeypatch.setenv(PARENT_VARIABLE, "1")
+    assert private_run() != mine

@@ -1,0 +1,220 @@
+"""A line to the robot that never makes its caller wait: what it hears is looked at meanwhile."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+from schemas import (
+    DriveState,
+    EStop,
+    FollowState,
+    HeelError,
+    Message,
+    MessageError,
+    Stamp,
+    decode,
+    encode,
+    keys,
+)
+from services.commands.robot import Where
+
+if TYPE_CHECKING:
+    import zenoh
+
+MessageT = TypeVar("MessageT", bound=Message)
+REPEAT_S = 0.05
+"""Between two of the same message: 20 a second reach whoever can be reached, and flood nobody."""
+_ASK_S = 0.3
+_QUESTION_S = 1.0
+_FRESH_S = 0.5
+_FOLLOWER_FRESH_S = 1.0
+"""A drive speaks 50 times a second, a follower five times."""
+_MOST_VOICES = 32
+
+
+@dataclass
+class Heard:
+    """What has been heard so far; read and written under the line's lock."""
+
+    connected: bool = False
+    failure: str = ""
+    """Why there is no connection; "" while it is being tried."""
+    said: int = 0
+    """Messages that went out."""
+    drives: dict[str, tuple[DriveState, float]] = field(default_factory=dict)
+    """Newest word of every drive, by producer, and when it came."""
+    follower: tuple[FollowState, float] | None = None
+    engagements: dict[str, EStop] = field(default_factory=dict)
+    """What those who were asked hold engaged, by id."""
+    alive: set[str] = field(default_factory=set)
+    """Kinds of services that are there, by their tokens: `drive`, `follower`."""
+
+    def fresh_drives(self, now_s: float) -> dict[str, DriveState]:
+        """What drives have said just now."""
+        return {name: state for name, (state, t) in self.drives.items() if now_s - t < _FRESH_S}
+
+    def fresh_follower(self, now_s: float) -> FollowState | None:
+        """What a follower has said just now."""
+        if self.follower is None or now_s - self.follower[1] >= _FOLLOWER_FRESH_S:
+            return None
+        return self.follower[0]
+
+
+class RobotLine:
+    """Connects, listens, asks and repeats messages, all in threads that nobody waits for.
+
+    Zenoh may block for ten seconds where a router hangs or an address does not answer.
+
+    Args:
+        where: whom to talk to.
+    """
+
+    def __init__(self, where: Where) -> None:
+        self._where = where
+        self._changed = threading.Condition()
+        self._heard = Heard()
+        self._messages: tuple[EStop, ...] = ()
+        self._closing = False
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="robot-line", daemon=True)
+        self._thread.start()
+
+    def say(self, messages: Iterable[EStop]) -> None:
+        """From now on say these again and again, in place of earlier ones."""
+        with self._changed:
+            self._messages = tuple(messages)
+            self._heard.said = 0
+            self._changed.notify_all()
+
+    def wait(self, enough: Callable[[Heard, float], bool], deadline_s: float) -> bool:
+        """Whether enough was heard before the deadline.
+
+        Args:
+            enough: given what was heard, and the monotonic time.
+            deadline_s: monotonic.
+        """
+        with self._changed:
+            while not enough(self._heard, now_s := time.monotonic()):
+                if now_s >= deadline_s:
+                    return False
+                self._changed.wait(min(REPEAT_S, deadline_s - now_s))
+        return True
+
+    def look(self) -> Heard:
+        """What was heard; nothing more is written to it once the line is closed."""
+        return self._heard
+
+    def close(self, timeout_s: float) -> bool:
+        """End the line; False if Zenoh still blocks then."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        return self._closed.wait(timeout_s)
+
+    def _run(self) -> None:
+        try:
+            self._talk()
+        except (HeelError, RuntimeError) as error:
+            with self._changed:
+                self._heard.failure = str(error)
+                self._changed.notify_all()
+        finally:
+            self._closed.set()
+
+    def _talk(self) -> None:
+        import zenoh
+
+        from services.commands.robot import session_with
+
+        with session_with(self._where) as session:
+            subscribers = [
+                session.declare_subscriber(keys.ROBOT_DRIVE, self._note_drive),
+                session.declare_subscriber(keys.FOLLOW_STATE, self._note_follower),
+            ]
+            publisher = session.declare_publisher(
+                keys.FOLLOW_ESTOP, express=True, priority=zenoh.Priority.REAL_TIME,
+                congestion_control=zenoh.CongestionControl.DROP,
+            )  # fmt: skip
+            with self._changed:
+                self._heard.connected = True
+                self._changed.notify_all()
+            asked_s = float("-inf")
+            while True:
+                with self._changed:
+                    if self._closing:
+                        break
+                    messages = self._messages
+                for message in messages:
+                    publisher.put(encode(message), encoding=message.encoding())
+                with self._changed:
+                    self._heard.said += bool(messages)
+                    self._changed.notify_all()
+                if time.monotonic() - asked_s >= _ASK_S:
+                    asked_s = time.monotonic()
+                    self._ask(session)
+                with self._changed:
+                    if not self._closing:
+                        self._changed.wait_for(self._has_news(messages), REPEAT_S)
+            for subscriber in subscribers:
+                subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+    def _has_news(self, said: tuple[EStop, ...]) -> Callable[[], bool]:
+        return lambda: self._closing or self._messages is not said
+
+    def _ask(self, session: zenoh.Session) -> None:
+        import zenoh
+
+        drop = zenoh.CongestionControl.DROP
+        session.get(
+            keys.FOLLOW_STATE, self._note_follower_reply, timeout=_QUESTION_S,
+            congestion_control=drop,
+        )  # fmt: skip
+        session.get(
+            keys.FOLLOW_ESTOP, self._note_engagement, timeout=_QUESTION_S, congestion_control=drop
+        )
+        session.liveliness().get(keys.ALL_ALIVE, self._note_alive, timeout=_QUESTION_S)
+
+    def _note_drive(self, sample: zenoh.Sample) -> None:
+        with suppress(MessageError):
+            state = decode(DriveState, sample.payload.to_bytes(), str(sample.encoding))
+            attached = sample.attachment
+            producer = "" if attached is None else decode(Stamp, attached.to_bytes()).producer
+            with self._changed:
+                if producer in self._heard.drives or len(self._heard.drives) < _MOST_VOICES:
+                    self._heard.drives[producer] = state, time.monotonic()
+                self._changed.notify_all()
+
+    def _note_follower(self, sample: zenoh.Sample) -> None:
+        if (state := _read(FollowState, sample)) is not None:
+            with self._changed:
+                self._heard.follower = state, time.monotonic()
+                self._changed.notify_all()
+
+    def _note_follower_reply(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self._note_follower(reply.ok)
+
+    def _note_engagement(self, reply: zenoh.Reply) -> None:
+        if reply.ok is None or (estop := _read(EStop, reply.ok)) is None or not estop.engaged:
+            return
+        with self._changed:
+            if len(self._heard.engagements) < _MOST_VOICES:
+                self._heard.engagements[estop.id] = estop
+            self._changed.notify_all()
+
+    def _note_alive(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            with self._changed:
+                self._heard.alive.add(str(reply.ok.key_expr).split("/")[1])
+                self._changed.notify_all()
+
+
+def _read(kind: type[MessageT], sample: zenoh.Sample) -> MessageT | None:
+    with suppress(MessageError):
+        return decode(kind, sample.payload.to_bytes(), str(sample.encoding))
+    return None
