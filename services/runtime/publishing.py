@@ -92,8 +92,8 @@ class Latched:
             self._current = message
         self._publisher.put(encode(message), encoding=message.encoding())
 
-    def keep(self, message: Message) -> None:
-        """Answer with this value from now on; somebody else has published it."""
+    def keep(self, message: Message | None) -> None:
+        """Answer with this value from now on, or not; somebody else has published it."""
         with self._lock:
             self._current = message
 

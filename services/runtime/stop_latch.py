@@ -69,6 +69,12 @@ class StopLatch:
         if kept.engaged:
             self._engage(kept)
 
+    def forget(self) -> None:
+        """Nobody who obeys holds the engagement any more: its release was missed."""
+        if self.current is not None:
+            self._note_over(self.current)
+        self.current = self.told = None
+
     def _is_over(self, answer: EStop, asked_s: float) -> bool:
         return answer.id in self._over if answer.id else asked_s < self._released_s + _DOUBT_S
 

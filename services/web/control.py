@@ -6,6 +6,7 @@ follower that takes its time to answer a choice.
 
 from __future__ import annotations
 
+import secrets
 import threading
 import time
 from contextlib import ExitStack, suppress
@@ -15,14 +16,17 @@ from zenoh.handlers import FifoChannel
 
 from schemas import EStop, HeelError, Target, TargetRequest, decode, encode, keys
 from services.runtime import qos
+from services.runtime.latched import LatchedAnswers
 from services.runtime.publishing import Latched
 from services.runtime.service import ServiceContext
-from services.web.estop import StopLatch
+from services.runtime.stop_socket import drives_here
+from services.web.estop import PageStop, Part
 from services.web.settings import WebServiceSettings
 from services.web.worker import BusyError, Worker
 
 _MAX_ERROR_TEXT = 300
 _MAX_WAITING = 8
+_HERE_S = 0.5
 # What Zenoh itself puts in an error reply when nobody answered in time.
 _ZENOH_TIMEOUT = "Timeout"
 
@@ -53,7 +57,9 @@ class Control:
         self._log = context.log
         self._timeout_s = context.settings.target_timeout_s
         self._lock = threading.Lock()
-        self._latch = StopLatch()
+        self._stop = PageStop()
+        self._robot = context.robot
+        self._others = LatchedAnswers(context.session, keys.FOLLOW_ESTOP, EStop)
         self._estop = resources.enter_context(
             Latched(context.session, keys.FOLLOW_ESTOP, qos.ESTOP)
         )
@@ -105,12 +111,18 @@ class Control:
             self.stops_asked_for += 1
 
     def stop(self, who: str) -> None:
-        """Engage the emergency stop; it is said again until the follower confirms it."""
-        source = self._source(who)
+        """Engage the emergency stop; it is said again until the robot confirms it."""
+        message = EStop(
+            engaged=True, source=self._source(who), t_ns=time.time_ns(), id=secrets.token_hex(8)
+        )
         with self._lock:
-            self._latch.engage(source, time.monotonic())
-        self._send(True, source)
+            self._stop.engage(message, time.monotonic())
+        self._estop.set(message)
         self._log.warning("STOP by %s", who)
+        # A drive on this machine hears it whatever becomes of the router.
+        for answer in drives_here(self._robot, message, _HERE_S):
+            if answer.state is not None:
+                self.robot_says("drive", answer.state.estop)
 
     def resume(self, who: str, stops_before: int) -> None:
         """Release the emergency stop.
@@ -120,69 +132,68 @@ class Control:
             stops_before: `stops_asked_for` when they did.
 
         Raises:
-            RouterAwayError: a resume must not take effect at some later time.
+            RouterAwayError: a resume must not take effect at some later time, nor for half the
+                robot.
         """
         if not self.connected:
             raise RouterAwayError("the router is away: resume when it is back")
-        source = self._source(who)
         with self._lock:
             if self.stops_asked_for != stops_before:
                 raise RouterAwayError("STOP was pressed meanwhile: resume again if that is meant")
-            self._latch.release(source)
-        self._send(False, source)
+            if part := self._stop.silent(time.monotonic()):
+                raise RouterAwayError(f"the {part} does not answer: nothing is released")
+            releases = self._stop.releases(self._source(who))
+            for release in releases:
+                self._stop.hear(release, time.monotonic())
+        for release in releases:
+            self._estop.set(release)
         self._log.warning("resume by %s", who)
 
-    def repeat_stop(self, now_s: float) -> None:
-        """Say a stop again that nobody has confirmed; returns at once."""
+    def look_after_stop(self, now_s: float) -> None:
+        """Ask who holds a stop, and say one again that nobody has confirmed; returns at once."""
+        asked_s = self._others.asked_s
+        answers = self._others.poll(now_s)
         with self._lock:
-            if not self._latch.repeat_due(now_s):
-                return
-            source = self._latch.source
-        # Busy with other stops: then one is on its way anyway.
-        with suppress(BusyError):
-            self.stops.submit(lambda: self._repeat(source))
+            if answers is not None:
+                self._stop.hear_answers(answers, asked_s)
+            self._stop.settle(now_s)
+            self._estop.keep(self._stop.told)
+            due = self._stop.repeat_due(now_s)
+        if due:
+            # Busy with other stops: then one is on its way anyway.
+            with suppress(BusyError):
+                self.stops.submit(self._repeat)
 
     def hear(self, estop: EStop) -> None:
         """Take note of a message on `follow/estop` and answer with it from now on."""
         with self._lock:
-            self._latch.hear(estop.engaged, estop.source)
-        self._estop.keep(estop)
+            self._stop.hear(estop, time.monotonic())
+            self._estop.keep(self._stop.told)
 
-    def follower_says(self, stopped: bool) -> None:
-        """Take note of the follower's own word, and keep it for a follower that restarts."""
+    def robot_says(self, part: Part, stopped: bool) -> None:
+        """Take note of the robot's own word."""
         with self._lock:
-            before = self._latch.engaged
-            self._latch.follower_says(stopped)
-            now, source = self._latch.engaged, self._latch.source
-        if now != before:
-            self._estop.keep(_estop(now, source or "the follower"))
+            self._stop.says(part, stopped, time.monotonic())
 
     def stop_status(self, now_s: float) -> dict[str, Any]:
         """What the page shows of the emergency stop."""
         with self._lock:
-            pending_s = self._latch.pending_s(now_s)
+            pending_s = self._stop.pending_s(now_s)
             return {
-                "engaged": self._latch.engaged,
-                "source": self._latch.source,
+                "engaged": self._stop.engaged(now_s),
+                "source": self._stop.source,
                 "pending_s": None if pending_s is None else round(pending_s, 2),
             }
 
-    def _repeat(self, source: str) -> None:
-        # Released meanwhile: a stop that is late must not undo a resume.
+    def _repeat(self) -> None:
+        # Confirmed or released meanwhile: a stop that is late must not undo a resume.
         with self._lock:
-            wanted = self._latch.engaged
-        if wanted:
-            self._send(True, source)
-
-    def _send(self, engaged: bool, source: str) -> None:
-        self._estop.set(_estop(engaged, source))
+            message = self._stop.pending()
+        if message is not None:
+            self._estop.set(message)
 
     def _source(self, who: str) -> str:
         return f"{self._producer} {who}"[:96]
-
-
-def _estop(engaged: bool, source: str) -> EStop:
-    return EStop(engaged=engaged, source=source, t_ns=time.time_ns())
 
 
 def _text(payload: bytes) -> str:

@@ -2,10 +2,27 @@
 
 from __future__ import annotations
 
-REPEAT_AFTER_S = 0.5
+import time
+from collections.abc import Iterable
+from typing import Literal
+
+from schemas import EStop
+from services.runtime.stop_latch import StopLatch
+
+REPEAT_AFTER_S = 0.2
+_FRESH_S = 1.0
+"""A word of the robot counts so long: five of a follower's."""
+_KNOWN_S = 10.0
+"""A part that has said something within this time is expected to answer."""
+_MISSED_STOP_S = 1.0
+_MISSED_RELEASE_S = 4.0
+"""So long drive and follower contradict the page until it believes that it has missed something.
+Both ask one another once a second: what only the page holds they would have taken from it."""
+
+Part = Literal["drive", "follower"]
 
 
-class StopLatch:
+class PageStop:
     """Follows the emergency stop; a stop asked for here is repeated until it is confirmed.
 
     A STOP pressed while the router is away must not get lost: it stays pending and goes out as
@@ -13,42 +30,100 @@ class StopLatch:
     """
 
     def __init__(self) -> None:
-        self.engaged = False
-        self.source = ""
-        self._confirmed = False
-        self._pending_since_s: float | None = None
-        self._said_s = 0.0
+        self._latch = StopLatch()
+        self._words: dict[Part, tuple[bool, float]] = {}
+        self._others: tuple[EStop, ...] = ()
+        self._pressed: EStop | None = None
+        self._pressed_s = self._said_s = 0.0
+        self._odd_since_s: float | None = None
 
-    def engage(self, source: str, now_s: float) -> None:
+    @property
+    def told(self) -> EStop | None:
+        """What to answer to those who ask."""
+        return self._latch.told
+
+    @property
+    def source(self) -> str:
+        """Who engaged or released it."""
+        return "" if self._latch.told is None else self._latch.told.source
+
+    def engaged(self, now_s: float) -> bool:
+        """Whether the robot has to stand, by what was said and by its own word."""
+        return self._latch.engaged or self._any_stands(now_s)
+
+    def engage(self, message: EStop, now_s: float) -> None:
         """Somebody pressed STOP on the page."""
-        self.hear(True, source)
-        self._pending_since_s = self._said_s = now_s
+        self.hear(message, now_s)
+        self._pressed, self._pressed_s, self._said_s = message, now_s, now_s
 
-    def release(self, source: str) -> None:
-        """Somebody pressed resume on the page."""
-        self.hear(False, source)
+    def hear(self, message: EStop, now_s: float) -> None:
+        """A stop or a release went over `follow/estop`, whoever sent it."""
+        self._latch.hear(message, now_s)
+        self._odd_since_s = None
+        if not self._latch.engaged:
+            self._pressed = None
 
-    def hear(self, engaged: bool, source: str) -> None:
-        """A stop or a resume went over `follow/estop`, whoever sent it."""
-        self.engaged, self.source, self._confirmed = engaged, source, False
-        if not engaged:
-            self._pending_since_s = None
+    def hear_answers(self, answers: Iterable[EStop], asked_s: float) -> None:
+        """What drive and follower hold, when they were asked."""
+        answers = list(answers)
+        self._others = tuple(answer for answer in answers if answer.engaged)
+        self._latch.hear_answers(answers, asked_s)
+        if not self._latch.engaged:
+            self._pressed = None
 
-    def follower_says(self, stopped: bool) -> None:
-        """The follower is the one who knows, except of a stop that has not reached it yet."""
-        if stopped:
-            self.engaged = self._confirmed = True
-            self._pending_since_s = None
-        elif self._confirmed:
-            self.engaged = self._confirmed = False
+    def says(self, part: Part, stopped: bool, now_s: float) -> None:
+        """The robot's own word of this moment."""
+        self._words[part] = stopped, now_s
+        if stopped and self._pressed is not None and now_s > self._pressed_s:
+            drives = self._words.get("drive")
+            # The drive is the one that turns the wheels, where there is one.
+            if part == "drive" or drives is None or now_s - drives[1] >= _KNOWN_S:
+                self._pressed = None
+
+    def settle(self, now_s: float) -> None:
+        """Believe the robot where it has contradicted what was heard for long enough."""
+        fresh = [stopped for stopped, t in self._words.values() if now_s - t < _FRESH_S]
+        stands = any(fresh)
+        if self._pressed is not None or not fresh or stands == self._latch.engaged:
+            self._odd_since_s = None
+            return
+        since_s = self._odd_since_s = now_s if self._odd_since_s is None else self._odd_since_s
+        if stands and now_s - since_s >= _MISSED_STOP_S:
+            self._latch.hear(EStop(engaged=True, source="the robot"), now_s)
+        elif not stands and now_s - since_s >= _MISSED_RELEASE_S:
+            self._latch.forget()
+
+    def releases(self, source: str) -> list[EStop]:
+        """What ends every engagement that is known."""
+        held = (*self._others, *([self._latch.current] if self._latch.current else []))
+        named = {one.id: one for one in held}
+        t_ns = time.time_ns()
+        return [
+            EStop(engaged=False, source=source, t_ns=max(t_ns, one.t_ns), id=one.id)
+            for one in named.values()
+        ] or [EStop(engaged=False, source=source, t_ns=t_ns)]
+
+    def silent(self, now_s: float) -> Part | None:
+        """A part that was there just now and does not answer."""
+        for part, (_, t) in self._words.items():
+            if _FRESH_S <= now_s - t < _KNOWN_S:
+                return part
+        return None
+
+    def pending(self) -> EStop | None:
+        """The stop asked for here that nobody has confirmed."""
+        return self._pressed
 
     def pending_s(self, now_s: float) -> float | None:
         """How long a stop has waited for its confirmation; None if none does."""
-        return None if self._pending_since_s is None else now_s - self._pending_since_s
+        return None if self._pressed is None else now_s - self._pressed_s
 
     def repeat_due(self, now_s: float) -> bool:
         """Whether the stop is to be said again now; True counts as said."""
-        if self._pending_since_s is None or now_s - self._said_s < REPEAT_AFTER_S:
+        if self._pressed is None or now_s - self._said_s < REPEAT_AFTER_S:
             return False
         self._said_s = now_s
         return True
+
+    def _any_stands(self, now_s: float) -> bool:
+        return any(stopped and now_s - t < _FRESH_S for stopped, t in self._words.values())

@@ -116,7 +116,7 @@ class WebService:
         self._catch_up(now_s)
         if self._router:
             self._above.catch_up(now_s)
-        self._control.repeat_stop(now_s)
+        self._control.look_after_stop(now_s)
         self._hub.put_note("status", self._status(now_s))
 
     def _report(self, now_s: float) -> None:
@@ -155,6 +155,7 @@ class WebService:
                 case "drive":
                     drive = decode(DriveState, arrival.payload, arrival.encoding)
                     self._board.drive(drive, arrival.arrived_s)
+                    self._control.robot_says("drive", drive.estop)
                 case "alive":
                     _, service, instance = arrival.key.split("/")
                     self._board.watch.token(
@@ -198,7 +199,7 @@ class WebService:
 
     def _take_state(self, state: FollowState) -> None:
         self._board.follower = state
-        self._control.follower_says(state.estop)
+        self._control.robot_says("follower", state.estop)
 
     def _show(self, frames: list[Joined]) -> None:
         for joined in frames:

@@ -147,10 +147,14 @@ def test_a_latched_follower_state_is_known_from_the_start(endpoint: str) -> None
             status = status_of(url)
             assert status["follower"]["reason"] == "latched before"
             assert status["stop"]["engaged"]
+
             # A follower that restarts must learn of the stop from somebody.
-            replies = list(session.get(keys.FOLLOW_ESTOP, timeout=2.0))
+            def told() -> bool:
+                session.put(keys.FOLLOW_STATE, encode(state), encoding=state.encoding())
+                return any(reply.ok for reply in session.get(keys.FOLLOW_ESTOP, timeout=2.0))
+
+            wait_until(told, "an answer of the page")
         queryable.undeclare()
-    assert any(reply.ok is not None for reply in replies)
 
 
 def test_viewers_that_do_not_keep_to_the_protocol_are_let_go(page: str) -> None:
