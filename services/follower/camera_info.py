@@ -13,14 +13,19 @@ _MOUNT_TOLERANCE = 1e-3
 """Metres or radians: what is told twice is told by the same numbers."""
 _LEAST_FOV_RAD, _GREATEST_FOV_RAD = math.radians(2), math.radians(175)
 """A telephoto lens of 1 m focal length sees 2 degrees; the pinhole model ends before 180."""
+_LEAST_MOUNT_M, _GREATEST_MOUNT_M = 0.02, 30.0
 _GREATEST_PITCH_RAD = math.radians(85)
 
 
 def implausible(info: CameraInfo) -> str:
     """What no camera of a robot can be like, in words; "" if nothing is."""
     fov_rad, pitch_rad = info.horizontal_fov_rad, info.mount_pitch_rad
+    height_m = info.mount_height_m
     if fov_rad is not None and not _LEAST_FOV_RAD <= fov_rad <= _GREATEST_FOV_RAD:
         return f"a field of view of {math.degrees(fov_rad):.3g} degrees: state 2 to 175"
+    # A height of 0 says that it is not known.
+    if height_m and not _LEAST_MOUNT_M <= height_m <= _GREATEST_MOUNT_M:
+        return f"a mounting height of {height_m:.3g} m: state 0.02 to 30"
     if pitch_rad is not None and abs(pitch_rad) > _GREATEST_PITCH_RAD:
         return f"a pitch of {math.degrees(pitch_rad):.3g} degrees: state -85 to 85"
     return ""

@@ -58,7 +58,7 @@ def contrast_box(image: NDArray[np.uint8], x_px: float, y_px: float) -> BoxXyxy 
         x_px, y_px: a point on their body, better on the chest than on the feet.
     """
     scale = min(1.0, _ROWS / image.shape[0])
-    size = round(scale * image.shape[1]), round(scale * image.shape[0])
+    size = max(1, round(scale * image.shape[1])), max(1, round(scale * image.shape[0]))
     small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
     bodies = _candidates(size[1], scale * x_px, scale * y_px)
     if not len(bodies.x):

@@ -153,6 +153,8 @@ class BoxTracker:
         if camera is not None:
             self._carried = True
             self._carrier.carry(everyone, camera, elapsed_s)
+        self._tracks = [track for track in self._tracks if track.is_somewhere()]
+        self._recall.lost = [track for track in self._recall.lost if track.is_somewhere()]
         if not self._tracks:
             self._covered, self._hidden = np.zeros((0, 0)), np.zeros(0)
             return np.zeros((0, AXES, 2)), np.zeros((0, AXES, 2, 2))

@@ -14,6 +14,7 @@ from services.tracker.given_boxes.settings import LifeSettings
 
 _EPSILON_S = 1e-6
 _LEAST_CONFIDENCE, _CONFIDENCE_RANGE = 0.52, 0.40
+_FARTHEST_PX, _FASTEST, _MOST_LOG = 1e6, 1e9, 14.0  # beyond all pictures: e^14 is 1.2e6 px
 _LEAST_ODD = 0.05  # no single box is better evidence than 20 to 1: detectors err twice in a row
 
 
@@ -147,6 +148,17 @@ class Track:
             and self.existence >= life.confirm_existence
             and self.mean_score >= (life.walker_score if self.walked else life.shown_score)
         )
+
+    def is_somewhere(self) -> bool:
+        """Whether numbers can still tell where; False also for what is not finite.
+
+        Small steps of a camera add up over people out of sight, and so do those of a forged one.
+        """
+        x, y, log_height, log_aspect = self.mean[:, 0].tolist()
+        at_x, at_y = self.birthplace.tolist()
+        near = max(abs(x), abs(y), abs(at_x), abs(at_y)) < _FARTHEST_PX
+        shaped = max(abs(log_height), abs(log_aspect)) < _MOST_LOG
+        return near and shaped and bool(np.abs(self.mean[:, 1]).max() < _FASTEST)
 
     def height_px(self) -> float:
         """Filtered height."""
