@@ -90,8 +90,8 @@ class Rig:
     def __exit__(self, *_: object) -> None:
         self._resources.close()
 
-    def start(self, name: str) -> None:
-        """Start one process."""
+    def start(self, name: str, *more: str) -> None:
+        """Start one process, with flags beyond its usual ones."""
         flags = {
             "router": ("--listen", f"tcp/127.0.0.1:{self._router_port}"),
             "capture": (self.camera.address,),
@@ -99,6 +99,7 @@ class Rig:
             "follower": ("--target", "nearest", "--hold-s", "0", "--search-s", "0"),
             "drive": ("--driver", "record", "--driver-options", str(self._record)),
         }.get(name, ())
+        flags = (*flags, *more)
         if name in self.relays:
             endpoint = f"tcp/127.0.0.1:{self.relays[name].port}"
             flags = (*flags, "--connect", endpoint, "--connect-timeout-s", f"{_READY_S:g}")
@@ -109,6 +110,27 @@ class Rig:
                 [sys.executable, "-m", "services", name, *flags], cwd=REPOSITORY, env=environment,
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log,
             )  # fmt: skip
+
+    def start_viewer(self) -> None:
+        """Start the page, on any free port."""
+        self.start("web", "--port", "0", "--connect", self.endpoint, "--connect-timeout-s", "60")
+
+    @property
+    def endpoint(self) -> str:
+        """The router's own, past every relay."""
+        return f"tcp/127.0.0.1:{self._router_port}"
+
+    def pids(self) -> dict[str, int]:
+        """Process number of every process."""
+        return {name: process.pid for name, process in self._processes.items()}
+
+    def ended(self) -> list[str]:
+        """Processes that are not there any more."""
+        return [name for name, process in self._processes.items() if process.poll() is not None]
+
+    def log_bytes(self) -> int:
+        """What all processes have written so far."""
+        return sum(log.stat().st_size for log in self._folder.glob("*.log"))
 
     def signal(self, name: str, number: signal.Signals) -> None:
         """Send a signal to one process."""
