@@ -38,6 +38,7 @@ MOST_GROWTH_MB = 150.0
 arenas fill up once, a leak of one kB a message would be 900 MB."""
 _LEARN_S, _CALM_S = 6.0, 10.0
 _MOST_RECORDED = 60
+_REASONS_SHOWN = 8
 _BURST = 50
 _LEAP_EVERY_S = 2.0
 _RIVAL_SHARE = 0.1
@@ -57,6 +58,7 @@ class Outcome:
     following_before: float
     following_during: float
     following_after: float
+    not_following: dict[str, int]
     target_kept: bool
     growth_mb: dict[str, float]
     log_kb: float
@@ -81,16 +83,16 @@ class Onlooker:
         self._true: dict[str, str] = {}
         self.silence_s: dict[str, float] = dict.fromkeys(WATCHED, 0.0)
         self.states: Counter[str] = Counter()
-        self.targets: set[tuple[object, object]] = set()
+        self.reasons: Counter[str] = Counter()
         for name, key in WATCHED.items():
             session.declare_subscriber(key, functools.partial(self._hear, name))
-        session.declare_subscriber(keys.FOLLOW_STATE, self._note_state)
 
     def settle(self) -> None:
         """From now on only producers heard so far are true, and silence counts from here."""
         self._last_s.clear()
         self.silence_s = dict.fromkeys(WATCHED, 0.0)
         self.states.clear()
+        self.reasons.clear()
 
     def following(self) -> float:
         """Share of commands that say so since `settle`."""
@@ -115,13 +117,8 @@ class Onlooker:
         self._last_s[name] = now_s
         if name == "commands":
             self.states[str(message.get("state"))] += 1
-
-    def _note_state(self, sample: zenoh.Sample) -> None:
-        try:
-            target = msgpack.unpackb(sample.payload.to_bytes())["target"]
-            self.targets.add((target["track_id"], target["tracker"]))
-        except (ValueError, TypeError, KeyError, msgpack.UnpackException):
-            return
+            if message.get("state") != "following":
+                self.reasons[str(message.get("reason"))] += 1
 
 
 def attack(rig: Rig, count: int, rate_hz: float, seed: int) -> Outcome:
@@ -150,11 +147,13 @@ def attack(rig: Rig, count: int, rate_hz: float, seed: int) -> Outcome:
                 memory = _memory_mb(rig)
     seconds = time.monotonic() - started_s
     during, silence_s = onlooker.following(), dict(onlooker.silence_s)
+    reasons = dict(onlooker.reasons.most_common(_REASONS_SHOWN))
     onlooker.settle()
     time.sleep(_CALM_S)
     return Outcome(
         messages=count, seconds=seconds, ended=tuple(rig.ended()), longest_silence_s=silence_s,
         following_before=before, following_during=during, following_after=onlooker.following(),
+        not_following=reasons,
         target_kept=_target(rig.session) == target_before,
         growth_mb={name: mb - memory.get(name, mb) for name, mb in _memory_mb(rig).items()},
         log_kb=rig.log_bytes() / 1e3,

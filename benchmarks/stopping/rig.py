@@ -206,9 +206,9 @@ class Rig:
             return
         try:
             command = decode(MotionCommand, sample.payload.to_bytes())
+            stamp = decode(Stamp, sample.attachment.to_bytes())
         except HeelError:
             return  # a command that the benchmark itself spoilt
-        stamp = decode(Stamp, sample.attachment.to_bytes())
         self.newest_command = command, stamp.producer
 
     def _end_all(self) -> None:
