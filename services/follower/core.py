@@ -88,15 +88,16 @@ class Follower:
         self._sensors.good("camera", now_s)
         self._people.set_camera(info)
 
-    def refuse(self, sensor: Sensor, reason: str, now_s: float) -> None:
+    def refuse(self, sensor: Sensor, reason: str, now_s: float, known: bool = True) -> None:
         """Take note of a message that cannot be used; without good ones beside it the robot stops.
 
         Args:
             sensor: that it came from.
             reason: in words.
             now_s: time of arrival, on the clock of `step`.
+            known: whether it says who sent it, and is newer than all before.
         """
-        self._sensors.refused(sensor, reason, now_s)
+        self._sensors.refused(sensor, reason, now_s, known)
 
     def trouble(self, now_s: float) -> str:
         """Which sensor speaks and cannot be read, in words; "" if none."""

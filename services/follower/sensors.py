@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,6 +14,10 @@ Sensor = Literal["ranges", "odometry", "camera"]
 _HOLD_S: dict[Sensor, float] = {"ranges": 1.0, "odometry": 1.0, "camera": 3.0}
 """A message that cannot be read counts for so long. A sensor worth driving by sends four a second;
 the camera's description is asked for every two seconds while there is none."""
+_ALIKE_S = 0.4
+"""Refused alike for so long is a sensor: it fails the same way every time, junk does not. And junk
+is no reason to stand: else one message a second from anybody would hold the robot up."""
+_VALUE = re.compile(r"[-+]?[0-9][0-9.e+-]*")
 _FASTEST_MPS, _FASTEST_RADPS = 10.0, 20.0
 """Twice what a command may order. Millimetres or degrees per second are soon beyond it."""
 _FARTHEST_M = 100.0
@@ -46,7 +51,11 @@ class _Heard:
 
     good_s: float | None = None
     refused_s: float = -math.inf
+    """The last message that counts."""
     reason: str = ""
+    alike: str = ""
+    alike_since_s: float = math.inf
+    alike_s: float = -math.inf
 
 
 class Sensors:
@@ -68,10 +77,23 @@ class Sensors:
         """A message that can be used."""
         self._heard[sensor].good_s = now_s
 
-    def refused(self, sensor: Sensor, reason: str, now_s: float) -> None:
-        """A message that cannot be used."""
+    def refused(self, sensor: Sensor, reason: str, now_s: float, known: bool = True) -> None:
+        """A message that cannot be used.
+
+        Args:
+            sensor: whose topic it came on.
+            reason: why, in words.
+            now_s: time of arrival.
+            known: whether it says who sent it, and is newer than all before; a message that does
+                not counts if others before it were refused alike.
+        """
         heard = self._heard[sensor]
-        heard.refused_s, heard.reason = now_s, reason
+        alike = _VALUE.sub("", reason)
+        if alike != heard.alike or now_s - heard.alike_s > _HOLD_S[sensor]:
+            heard.alike, heard.alike_since_s = alike, now_s
+        heard.alike_s = now_s
+        if known or now_s - heard.alike_since_s >= _ALIKE_S:
+            heard.refused_s, heard.reason = now_s, reason
 
     def trouble(self, now_s: float) -> str:
         """Why the robot must not move: a sensor that speaks, none of it good of late; "" if none.

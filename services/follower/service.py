@@ -37,6 +37,7 @@ from schemas import (
 from services.follower.camera_info import CameraInfos, implausible
 from services.follower.core import Follower
 from services.follower.frame_times import FrameTimes
+from services.follower.sensors import Sensor
 from services.follower.settings import FollowerServiceSettings
 from services.runtime import qos
 from services.runtime.clock import monotonic_clock
@@ -47,7 +48,7 @@ from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from services.runtime.session import QUERY_TIMEOUT_S
 from services.runtime.settings import Loaded
 from services.runtime.stop_keeper import StopKeeper
-from services.runtime.streams import Received
+from services.runtime.streams import Received, StreamJudge
 
 _STOP_REPEATS = 5
 """Zero commands sent on the way out, so that one lost message cannot keep a robot rolling."""
@@ -280,7 +281,12 @@ class FollowerService:
             if received is not None:
                 self._follower.observe_ranges(received.message, _measured_s(received))
             elif self._ranges.unreadable:
-                self._follower.refuse("ranges", self._ranges.unreadable, arrival.arrived_s)
+                self._follower.refuse(
+                    "ranges",
+                    self._ranges.unreadable,
+                    arrival.arrived_s,
+                    self._ranges.unreadable_known,
+                )
 
     def _take_odometry(self, arrival: Arrival) -> None:
         received = self._odometry.message(arrival, Odometry)
@@ -288,7 +294,16 @@ class FollowerService:
             if received is not None:
                 self._follower.observe_odometry(received.message, _measured_s(received))
             elif self._odometry.unreadable:
-                self._follower.refuse("odometry", self._odometry.unreadable, arrival.arrived_s)
+                self._follower.refuse(
+                    "odometry",
+                    self._odometry.unreadable,
+                    arrival.arrived_s,
+                    self._odometry.unreadable_known,
+                )
+
+    def _refuse(self, sensor: Sensor, judge: StreamJudge, now_s: float) -> None:
+        if judge.unreadable:
+            self._follower.refuse(sensor, judge.unreadable, now_s, judge.unreadable_known)
 
     def _obey_stop(self, engaged: bool) -> None:
         with self._lock:

@@ -113,6 +113,10 @@ class StreamJudge:
     watch: SequenceWatch = field(init=False)
     unreadable: str = field(init=False, default="")
     """What was wrong with the last message, unless it was a rival's or nothing was."""
+    unreadable_known: bool = field(init=False, default=False)
+    """Whether that message said who sent it, and was stamped later than all before: a sender that
+    lives, and no replay."""
+    _stamped_ns: int = field(init=False, default=0)
     _refused_since_s: float | None = field(init=False, default=None)
     _ending: tuple[EndOfStream, float, int] | None = field(init=False, default=None)
 
@@ -174,11 +178,13 @@ class StreamJudge:
             kind: the message expected.
             judged: False leaves it to the caller whom to believe and what is new.
         """
-        self.unreadable, producer = "", None
+        self.unreadable, self.unreadable_known, producer = "", False, None
         try:
-            self._check_size(arrival)
             stamp = decode(Stamp, arrival.attachment or b"")
             producer = stamp.producer
+            self.unreadable_known = stamp.t_sent_ns > self._stamped_ns
+            self._stamped_ns = max(self._stamped_ns, stamp.t_sent_ns)
+            self._check_size(arrival)
             message = decode(kind, arrival.payload, arrival.encoding)
         except MessageError as error:
             self.refuse(arrival, error)

@@ -77,6 +77,25 @@ def test_one_odd_message_beside_good_ones_stops_nobody(driving: Driving) -> None
         assert driving.drives
 
 
+def test_junk_of_nobody_known_stops_nobody(driving: Driving) -> None:
+    """Somebody who floods a sensor's topic must not be able to hold the robot up that way."""
+    kinds = ["stamp: not msgpack", "ranges: 900 bytes", "stamp: seq: Field required"]
+    for number in range(100):
+        driving.follower.refuse("ranges", kinds[number % 3], driving.now_s, known=False)
+        driving.go(0.02)
+        assert driving.drives
+
+
+def test_a_sensor_without_a_stamp_is_one_if_it_fails_alike_every_time(driving: Driving) -> None:
+    for number in range(8):
+        reason = f"ranges: {80_000 + number} bytes exceed the cap of 65536"
+        driving.follower.refuse("ranges", reason, driving.now_s, known=False)
+        driving.go(0.1)
+    assert driving.told == (
+        "stopped", "ranges cannot be read: ranges: 80007 bytes exceed the cap of 65536"
+    )  # fmt: skip
+
+
 def test_good_ranges_that_turn_unreadable_say_why_and_not_that_they_are_old(
     driving: Driving,
 ) -> None:

@@ -267,6 +267,19 @@ def test_what_cannot_be_read_is_told_unless_a_rival_sent_it(judge: StreamJudge) 
     assert judge.unreadable.startswith("stamp: not msgpack")
 
 
+def test_what_cannot_be_read_is_a_senders_who_lives_if_its_stamp_is_newer_than_all_before(
+    judge: StreamJudge,
+) -> None:
+    known = []
+    for t_sent_ns in (5, 6, 6, 4, 7):
+        stamp = encode(Stamp(producer=PRODUCER, t_sent_ns=t_sent_ns, age_ns=0))
+        judge.message(arrival(b"\xc1", Ranges.encoding(), stamp, 0.1), Ranges)
+        known.append(judge.unreadable_known)
+    assert known == [True, True, False, False, True]
+    judge.message(arrival(b"\xc1", Ranges.encoding(), None, 0.1), Ranges)
+    assert not judge.unreadable_known
+
+
 def end_of(frames: int, epoch: int = 1, arrived_s: float = 0.1) -> Arrival:
     end = EndOfStream(stream="front", epoch=epoch, frames=frames, reason="end")
     return arrival(encode(end), end.encoding(), None, arrived_s)
