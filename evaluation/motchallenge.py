@@ -10,7 +10,6 @@ arXiv:1504.01942.
 
 from __future__ import annotations
 
-import configparser
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ import numpy as np
 
 from evaluation.rows import COLUMNS, MAX_FRAME, BoxRows, RowKind, check_rows
 from schemas.errors import HeelError
+from services.runtime.sequence_file import SEQUENCE_FILE, read_sequence_file, sequence_file
 
 _REQUIRED_COLUMNS: dict[RowKind, int] = {"ground truth": 7, "detections": 7, "tracks": 6}
 
@@ -131,13 +131,8 @@ def read_sequence_info(path: Path) -> SequenceInfo:
     Raises:
         HeelError: the file is missing or not of this format, or a number in it is not positive.
     """
-    file = path / "seqinfo.ini" if path.is_dir() else path
-    parser = configparser.ConfigParser(interpolation=None)
-    try:
-        parser.read_string(_read_text(file))
-        section = parser["Sequence"]
-    except (configparser.Error, KeyError) as error:
-        raise HeelError(f"{file}: needs a [Sequence] section in INI format ({error})") from error
+    file = (sequence_file(path) or path / SEQUENCE_FILE) if path.is_dir() else path
+    section = read_sequence_file(file)
     frame_count = _positive(section, "seqLength", file)
     if frame_count is None:
         raise HeelError(f"{file}: seqLength is missing; add the number of frames")
@@ -151,8 +146,8 @@ def read_sequence_info(path: Path) -> SequenceInfo:
     )
 
 
-def _positive(section: configparser.SectionProxy, key: str, file: Path) -> float | None:
-    text = section.get(key)
+def _positive(section: dict[str, str], key: str, file: Path) -> float | None:
+    text = section.get(key.lower())
     if text is None:
         return None
     try:

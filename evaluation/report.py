@@ -31,6 +31,7 @@ from evaluation.retention import retention
 from evaluation.rows import rows_from_array
 from evaluation.scores import tracking_scores
 from schemas.errors import HeelError
+from services.runtime.sequence_file import sequence_file
 
 
 class SequenceScores(BaseModel):
@@ -122,7 +123,7 @@ def load_sequence(
     folder = file.absolute().parent
     folder = folder.parent if folder.name == "gt" else folder
     name, frame_count = (folder.name if file.name == "gt.txt" else file.stem), 0
-    if (folder / "seqinfo.ini").is_file():
+    if sequence_file(folder) is not None:
         info = read_sequence_info(folder)
         name, frame_count = info.name, info.frame_count
     return align(

@@ -16,12 +16,13 @@ from services.capture.camera import STREAM_SCHEMES, open_device, open_stream
 from services.capture.ffmpeg import shown_path
 from services.capture.image_folder import IMAGE_SUFFIXES, ImageFolderSource, list_images
 from services.capture.scene_source import SCENE_PREFIX, open_scene
-from services.capture.sequence import SEQUENCE_FILE, open_sequence
+from services.capture.sequence import open_sequence
 from services.capture.source import FrameSource, Warn, log_warning
 from services.capture.video_device import VideoDeviceFormat
 from services.capture.video_file import VideoFileSource
 from services.capture.virtual_pan import PAN_PREFIX, open_pan
 from services.runtime.passwords import without_passwords
+from services.runtime.sequence_file import sequence_file
 
 _DEVICE = re.compile(r"(?:/dev/video)?(\d{1,4})")
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
@@ -100,7 +101,7 @@ def _open_recording(spec: str, warn: Warn) -> FrameSource:
         return open_scene(spec)
     path = Path(spec)
     if spec and os.path.isdir(path):
-        if (path / SEQUENCE_FILE).is_file():
+        if sequence_file(path) is not None:
             return open_sequence(path, warn)
         return ImageFolderSource(list_images(path), shown_path(path), warn=warn)
     # os.path takes a name that is too long or forbidden for one that is not there; pathlib raises.

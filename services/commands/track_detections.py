@@ -13,11 +13,9 @@ from schemas.errors import HeelError, SettingsError
 
 if TYPE_CHECKING:
     from evaluation.rows import BoxRows
-    from services.tracker.given_boxes.sequence import GivenSequence, Picture
+    from services.tracker.given_boxes.sequence import GivenSequence
     from services.tracker.given_boxes.settings import BoxTrackerSettings
     from services.tracker.given_boxes.track import TrackOutput
-
-_SUFFIXES = ("jpg", "png", "jpeg")
 
 
 def track_detections(
@@ -33,7 +31,8 @@ def track_detections(
         float | None, typer.Option(help="frames per second [default: of seqinfo.ini]")
     ] = None,
     frames: Annotated[
-        Path | None, typer.Option(help="folder of 000001.jpg ...: use looks, too", metavar="DIR")
+        Path | None,
+        typer.Option(help="folder of pictures, sequence or video: use looks, too", metavar="DIR"),
     ] = None,
     image_size: Annotated[
         str | None, typer.Option(help="size of the picture [default: of seqinfo.ini]",
@@ -46,10 +45,11 @@ def track_detections(
 ) -> None:  # fmt: skip
     """Give the boxes of DET identities, online; write MOTChallenge rows to TRACKS."""
     from evaluation.motchallenge import write_tracks
+    from services.capture.numbered_pictures import pictures_by_number
     from services.tracker.given_boxes.sequence import track_sequence
 
     given = read_given(detections, fps, image_size)
-    picture = None if frames is None else _pictures(frames)
+    picture = None if frames is None else pictures_by_number(frames)
     rows = shown_rows(track_sequence(given, _settings(config), picture))
     write_tracks(out, rows)
     people = len(set(rows.identities.tolist()))
@@ -80,12 +80,13 @@ def read_given(
         HeelError: a file is missing, empty or malformed, or nothing tells the frame rate.
     """
     from evaluation.motchallenge import read_detections, read_sequence_info
+    from services.runtime.sequence_file import sequence_file
     from services.tracker.given_boxes.sequence import GivenSequence
 
     file = detections / "det" / "det.txt" if detections.is_dir() else detections
     rows = read_detections(file)
-    described = file.parent.parent / "seqinfo.ini"
-    info = read_sequence_info(described) if described.is_file() else None
+    described = sequence_file(file.parent.parent)
+    info = None if described is None else read_sequence_info(described)
     fps = fps if fps is not None else info.frame_rate_fps if info else None
     if fps is None:
         raise HeelError(f"{detections}: no seqinfo.ini tells the frame rate; give --fps")
@@ -123,23 +124,3 @@ def _settings(file: Path | None) -> BoxTrackerSettings:
         where = ".".join(str(part) for part in first["loc"])
         value = f"{first.get('input')!r:.80}"
         raise SettingsError(f"settings file {file}: {where} = {value}: {first['msg']}") from None
-
-
-def _pictures(folder: Path) -> Picture:
-    import cv2
-    import numpy as np
-    from numpy.typing import NDArray
-
-    def read(frame: int) -> NDArray[np.uint8]:
-        for suffix in _SUFFIXES:
-            file = folder / f"{frame:06d}.{suffix}"
-            if file.is_file():
-                image = cv2.imread(str(file))
-                if image is None:
-                    raise HeelError(f"{file}: not a picture; replace it or leave out --frames")
-                return np.asarray(image, np.uint8)
-        raise HeelError(
-            f"{folder}/{frame:06d}.jpg: no such picture; check --frames or leave it out"
-        )
-
-    return read

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import zlib
 from pathlib import Path
 
 import cv2
@@ -9,7 +11,9 @@ import numpy as np
 import pytest
 
 from schemas.errors import SourceError
-from services.capture.image_folder import decode_picture, number_frames
+from services.capture.frame_numbers import number_frames
+from services.capture.numbered_pictures import pictures_by_number
+from services.capture.picture_file import Stretch, picture_size, read_picture
 from services.capture.sources import open_source
 from tests.unit.capture.videos import index_of, picture, write_folder, write_picture, write_video
 
@@ -90,8 +94,7 @@ def test_a_resolution_change_is_delivered_as_it_is(tmp_path: Path) -> None:
 def test_every_depth_and_channel_count_becomes_bgr8(
     tmp_path: Path, image: np.ndarray[tuple[int, ...], np.dtype[np.uint8 | np.uint16]]
 ) -> None:
-    decoded = decode_picture(write_picture(tmp_path / "a.png", image))
-    assert decoded is not None
+    decoded = read_picture(write_picture(tmp_path / "a.png", image))
     assert decoded.dtype == np.uint8
     assert decoded.shape == (4, 6, 3)
     assert np.all(np.abs(decoded.astype(int) - 100) <= 1)
@@ -181,4 +184,144 @@ def test_a_cut_off_jpeg_is_unreadable(tmp_path: Path) -> None:
     data = cv2.imencode(".jpg", noise)[1].tobytes()
     path = tmp_path / "a.jpg"
     path.write_bytes(data[: len(data) // 2])
-    assert decode_picture(path) is None
+    with pytest.raises(SourceError, match="not a readable picture"):
+        read_picture(path)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        [f"2024-05-01_11-59-{s:02d}" for s in range(50, 60)]
+        + [f"2024-05-01_12-00-{s:02d}" for s in range(10)],
+        ["2024-05-01 11.59.59", "2024-05-01 12.00.00", "2024-05-01 12.00.30"],
+        ["IMG_20240501_235958", "IMG_20240501_235959", "IMG_20240502_000000"],
+        [f"take1_{n:03d}" for n in range(11, 21)] + [f"take2_{n:03d}" for n in range(1, 11)],
+        ["frame_1_0.93", "frame_2_0.10", "frame_3_0.55", "frame_10_0.20"],
+        ["frame_1_0.10", "frame_2_0.20", "frame_3_0.35"],
+        ["1305031102.175304", "1305031102.211214", "1305031103.043227"],
+        ["1403636579_763555584", "1403636579_963555584", "1403636580_163555584"],
+        ["walk", "walk (1)", "walk (2)", "walk (10)"],
+        ["a9", "A10", "a11", "b1"],
+    ],
+)  # fmt: skip
+def test_names_with_times_takes_or_scores_come_in_the_order_that_a_person_means(
+    names: list[str],
+) -> None:
+    numbered, missing = number_frames([Path(f"{name}.jpg") for name in reversed(names)])
+    assert [path.stem for _, path in numbered] == names
+    assert [index for index, _ in numbered] == list(range(len(names)))
+    assert missing == []
+
+
+@pytest.mark.parametrize(
+    ("names", "indices"),
+    [
+        (["img_0001_640x480", "img_0002_640x480", "img_0005_640x480"], [0, 1, 4]),
+        (["cam1.0001", "cam1.0002", "cam1.0004"], [0, 1, 3]),
+        (["day1_0001", "day1_0002", "day2_0005"], [0, 1, 4]),
+        (["00000001", "00000003"], [0, 2]),
+    ],
+)
+def test_a_number_that_agrees_with_the_order_is_the_frame_number(
+    names: list[str], indices: list[int]
+) -> None:
+    numbered, _ = number_frames([Path(f"{name}.jpg") for name in names])
+    assert [index for index, _ in numbered] == indices
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "imdir = IMG1\nframerate = 14\nseqlength = 3\nimext = .png\n",
+        "IMDIR=img1\nFRAMERATE=14\nSEQLENGTH=3\nIMEXT=.PNG\n",
+        "imDir=img1\nframeRate=14\nseqLength=3\nimExt=png\n",
+        "imDir=img1\nframeRate=14\nseqLength=3\n",
+    ],
+)
+@pytest.mark.parametrize(
+    ("file", "folder", "pattern"),
+    [("seqinfo.ini", "img1", "{:06d}.png"), ("SEQINFO.INI", "Img1", "{:08d}.PNG")],
+)
+def test_a_sequence_file_counts_large_and_small_letters_alike(
+    tmp_path: Path, text: str, file: str, folder: str, pattern: str
+) -> None:
+    write_folder(tmp_path / folder, [1, 2, 3], pattern)
+    (tmp_path / file).write_text("[sequence]\nname=s\n" + text)
+    with open_source(str(tmp_path), warn=pytest.fail) as source:
+        assert (source.fps, source.frame_count) == (14.0, 3)
+        assert [frame.index for frame in iter(source.read, None)] == [0, 1, 2]
+
+
+@pytest.mark.parametrize("pattern", ["{:06d}.png", "{:08d}.PNG", "frame{}.png"])
+def test_pictures_are_found_by_the_frame_numbers_of_ground_truth(
+    tmp_path: Path, pattern: str
+) -> None:
+    write_folder(tmp_path, [2, 3, 10], pattern)
+    read = pictures_by_number(tmp_path)
+    assert [index_of(read(number)) for number in (2, 3, 3, 10)] == [2, 3, 3, 10]
+    with pytest.raises(SourceError, match="no picture of frame 11"):
+        read(11)
+
+
+def test_a_video_is_read_by_frame_numbers_as_well(tmp_path: Path) -> None:
+    read = pictures_by_number(write_video(tmp_path / "v.mp4", 5))
+    assert [index_of(read(number)) for number in (1, 4)] == [0, 3]
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 4095), (29_000, 31_000), (500, 800)])
+def test_sixteen_bits_of_which_few_are_used_are_stretched_alike_in_all_pictures(
+    tmp_path: Path, low: int, high: int
+) -> None:
+    ramp = np.linspace(low, high, 64 * 48).reshape(48, 64).astype(np.uint16)
+    write_picture(tmp_path / "1.png", ramp)
+    write_picture(tmp_path / "2.png", np.full_like(ramp, (low + high) // 2))
+    warnings: list[str] = []
+    with open_source(str(tmp_path), warn=warnings.append) as source:
+        first, second = (frame.image for frame in iter(source.read, None))
+    assert np.ptp(first) > 150
+    assert abs(int(second[0, 0, 0]) - int(np.median(first))) < 5
+    assert "stretched" in warnings[0]
+
+
+def test_sixteen_bits_in_full_use_keep_their_upper_eight() -> None:
+    ramp = np.linspace(0, 65535, 64 * 48).reshape(48, 64).astype(np.uint16)
+    stretch = Stretch()
+    assert np.array_equal(stretch.to_8bit(ramp), (ramp >> 8).astype(np.uint8))
+    assert stretch.used is None
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".tif", ".webp", ".ppm"])
+def test_the_size_of_a_picture_is_read_from_its_header(tmp_path: Path, suffix: str) -> None:
+    path = write_picture(tmp_path / f"a{suffix}", picture(2, 70, 50))
+    assert picture_size(path.read_bytes()) == (70, 50)
+    assert picture_size(path.read_bytes()[:3]) is None
+
+
+@pytest.mark.parametrize(
+    ("size", "words"), [((30_000, 30_000), "30000x30000 pixels"), ((20_000, 8), "20000x8 pixels")]
+)
+def test_a_picture_beyond_8k_is_refused_before_it_is_decoded(
+    tmp_path: Path, size: tuple[int, int], words: str
+) -> None:
+    """A PNG of 109 kB can unpack to 5 GB."""
+    data = bytearray(cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes())
+    data[16:24] = size[0].to_bytes(4, "big") + size[1].to_bytes(4, "big")
+    data[29:33] = zlib.crc32(data[12:29]).to_bytes(4, "big")
+    (tmp_path / "1.png").write_bytes(data)
+    with pytest.raises(SourceError, match=words) as caught:
+        open_source(str(tmp_path), warn=lambda _: None)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_that_holds_a_video_says_to_give_the_video(tmp_path: Path) -> None:
+    write_video(tmp_path / "walk.mp4", 2)
+    with pytest.raises(SourceError, match=r"give .*walk\.mp4 itself"):
+        open_source(str(tmp_path))
+
+
+def test_a_folder_whose_name_is_not_utf8_can_be_named_in_a_message(tmp_path: Path) -> None:
+    folder = tmp_path / os.fsdecode(b"\xe9t\xe9")
+    write_folder(tmp_path / "plain", [1, 2]).rename(folder)
+    with open_source(str(folder)) as source:
+        assert source.name.encode().endswith(rb"\xe9t\xe9")
+        assert len(list(iter(source.read, None))) == 2
