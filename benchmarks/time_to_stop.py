@@ -24,15 +24,14 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.common import Figure, median, write_json
-from benchmarks.stopping.faults import Fault, all_faults
+from benchmarks.stopping.fault import Fault
+from benchmarks.stopping.faults import all_faults
 from benchmarks.stopping.rig import Rig
 from benchmarks.stopping.rows import Row, write_table
 from schemas.errors import HeelError, SettingsError
 from services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-_WATCH_S = 0.4
-"""How long the robot has to go on standing for the stop to count."""
 _NEVER_S = 5.0
 _ATTEMPTS = 5
 
@@ -59,20 +58,33 @@ def _trial(rig: Rig, fault: Fault, rng: random.Random) -> float | None:
     # Faults come at any phase of frames and commands.
     time.sleep(rng.uniform(0.0, 0.1))
     turned = rig.stands_since_ns() is None
-    fault_ns = time.monotonic_ns()
-    fault.inject(rig)
+    called_ns = time.monotonic_ns()
     try:
-        stands_ns = _watch(rig, fault.bound_ms)
+        fault_ns = fault.inject(rig) or called_ns
+        stands_ns = _watch(rig, fault)
+        if fault.afterwards is not None:
+            fault.afterwards(rig)
+            # A drive that starts or ends tells its wheels to stand, which is no motion.
+            stands_ns = stands_ns if _only_stood(rig, stands_ns) else None
     finally:
         fault.lift(rig)
     if not turned or (stands_ns is not None and stands_ns < fault_ns):
         return None
+    if fault.in_ms is not None:
+        return fault.in_ms(rig, fault_ns)
     return math.inf if stands_ns is None else (stands_ns - fault_ns) / 1e6
 
 
-def _watch(rig: Rig, bound_ms: float) -> int | None:
+def _only_stood(rig: Rig, since_ns: int | None) -> bool:
+    """Whether nothing has moved since a time."""
+    if since_ns is None:
+        return False
+    return not any(v or w for t, v, w in rig.wheels() if t >= since_ns)
+
+
+def _watch(rig: Rig, fault: Fault) -> int | None:
     """Since when the robot stands, some time after the fault; None if it goes on driving."""
-    time.sleep(bound_ms / 1e3 + _WATCH_S)
+    time.sleep(fault.bound_ms / 1e3 + fault.watch_s)
     deadline_s = time.monotonic() + _NEVER_S
     while (stands_ns := rig.stands_since_ns()) is None and time.monotonic() < deadline_s:
         time.sleep(0.02)

@@ -13,9 +13,11 @@ import numpy as np
 from services.capture.scene import Scene, SceneSettings
 from services.capture.scene.settings import SceneName
 
-View = Literal["person", "nobody", "black", "frozen", "silent"]
+View = Literal["person", "nobody", "black", "frozen", "silent", "stalled"]
+"""`stalled`: nothing for two seconds, then all that waited at once, then nothing."""
 FPS = 25.0
 _SIZE = {"width": 480, "height": 360}
+STALL_S = 2.0
 _QUIET_FRAMES = 50
 """Of the empty scene, each with noise of its own; played again and again."""
 
@@ -27,6 +29,11 @@ def _drawn(name: SceneName, frames: int | None = None) -> list[bytes]:
 
 def _jpeg(image: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> bytes:
     return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+
+
+def _part(data: bytes) -> bytes:
+    head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
+    return head.encode() + data + b"\r\n"
 
 
 class FaultyCamera:
@@ -72,16 +79,24 @@ class FaultyCamera:
         request.send_header("Content-Type", "multipart/x-mixed-replace; boundary=frame")
         request.end_headers()
         started_s, sent, data = time.monotonic(), 0, self._black
+        kept: list[bytes] = []
         try:
             while not self._ending.wait(max(0.0, started_s + sent / FPS - time.monotonic())):
                 sent += 1
                 view = self.view
                 if view == "silent":
                     continue
+                if view == "stalled":
+                    if len(kept) < STALL_S * FPS:
+                        kept.append(_part(self._picture("person")))
+                    elif len(kept) == STALL_S * FPS:
+                        request.wfile.write(b"".join(kept))
+                        kept.append(b"")
+                    continue
+                kept.clear()
                 if view != "frozen":
                     data = self._picture(view)
-                head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
-                request.wfile.write(head.encode() + data + b"\r\n")
+                request.wfile.write(_part(data))
         except OSError:
             return
 

@@ -6,32 +6,21 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
 
 import msgpack
 import zenoh
 
-from benchmarks.stopping.camera import View
+from benchmarks.stopping.camera import STALL_S, View
+from benchmarks.stopping.fault import Fault
 from benchmarks.stopping.rig import Rig
-from schemas import EStop, MotionCommand, Stamp, encode, keys
+from benchmarks.stopping.stops import ESTOP_MS, all_stops
+from schemas import MotionCommand, Stamp, encode, keys
 from services.drive.settings import DriveSettings
 
 WATCHDOG_MS = DriveSettings().ttl_s * 1e3 + 50.0
 """Commands stop: the drive's own watchdog."""
 INPUT_MS = 300.0
 """What the commands rest on is lost, stale or frozen."""
-ESTOP_MS = 50.0
-
-
-@dataclass(frozen=True)
-class Fault:
-    """One row of the table: how to bring the fault about, and how to undo it."""
-
-    name: str
-    bound_ms: float
-    inject: Callable[[Rig], None]
-    lift: Callable[[Rig], None]
 
 
 def all_faults() -> list[Fault]:
@@ -41,8 +30,11 @@ def all_faults() -> list[Fault]:
         _view("camera black", "black"),
         _view("camera silent", "silent"),
         _view("person gone", "nobody"),
+        _stalled_camera(),
         _silent_ranges(),
+        _unreadable_ranges(),
         *(fault for name in ("capture", "detector", "tracker") for fault in _of(name, INPUT_MS)),
+        _far("detector"),
         *_of("follower", WATCHDOG_MS),
         _killed("router", WATCHDOG_MS),
         _hung("router", WATCHDOG_MS),
@@ -50,8 +42,8 @@ def all_faults() -> list[Fault]:
         _nan_commands(),
         Fault("drive told to end", ESTOP_MS, lambda rig: rig.signal("drive", signal.SIGTERM),
               lambda rig: rig.restart("drive")),
-        Fault("emergency stop", ESTOP_MS, lambda rig: _estop(rig, True),
-              lambda rig: _estop(rig, False)),
+        _drive_after_hang(),
+        *all_stops(),
     ]  # fmt: skip
 
 
@@ -97,8 +89,53 @@ def _silent_ranges() -> Fault:
     )
 
 
-def _estop(rig: Rig, engaged: bool) -> None:
-    rig.publish(keys.FOLLOW_ESTOP, EStop(engaged=engaged, source="benchmark"))
+def _stalled_camera() -> Fault:
+    """A link that stalls: what waited comes at once, and nothing after it; it is old by then."""
+
+    def show(rig: Rig, view: View) -> None:
+        rig.camera.view = view
+
+    return Fault(
+        "camera stalled for 2 s", INPUT_MS, lambda rig: show(rig, "stalled"),
+        lambda rig: show(rig, "person"), watch_s=STALL_S + 1.0,
+    )  # fmt: skip
+
+
+def _unreadable_ranges() -> Fault:
+    def spoil(rig: Rig, spoilt: bool) -> None:
+        rig.ranges.spoilt = spoilt
+
+    return Fault(
+        "ranges unreadable", INPUT_MS, lambda rig: spoil(rig, True), lambda rig: spoil(rig, False)
+    )
+
+
+def _far(service: str) -> Fault:
+    """Its link takes 0.4 s each way: results go on to come, each of a frame 0.8 s old."""
+
+    def delay(rig: Rig, delay_s: float) -> None:
+        rig.relays[service].delay_s = delay_s
+
+    return Fault(
+        f"{service} 0.4 s away", INPUT_MS, lambda rig: delay(rig, 0.4),
+        lambda rig: delay(rig, 0.0), watch_s=1.5,
+    )  # fmt: skip
+
+
+def _drive_after_hang() -> Fault:
+    """The drive hangs, the follower falls silent, the drive goes on: to what waited for it."""
+
+    def inject(rig: Rig) -> int:
+        rig.signal("drive", signal.SIGSTOP)
+        time.sleep(1.0)
+        rig.signal("follower", signal.SIGSTOP)
+        time.sleep(0.05)
+        thawed_ns = time.monotonic_ns()
+        rig.signal("drive", signal.SIGCONT)
+        return thawed_ns
+
+    return Fault("drive after a hang", ESTOP_MS, inject,
+                 lambda rig: rig.signal("follower", signal.SIGCONT))  # fmt: skip
 
 
 def _nan_commands() -> Fault:

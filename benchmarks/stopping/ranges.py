@@ -20,10 +20,15 @@ class RangeSensor:
 
     Args:
         publish: sends one message with its stamp.
+        publish_spoilt: sends the same in a way that nobody can read.
     """
 
-    def __init__(self, publish: Callable[[Ranges], None]) -> None:
+    def __init__(
+        self, publish: Callable[[Ranges], None], publish_spoilt: Callable[[Ranges], None]
+    ) -> None:
         self.silent = False
+        self.spoilt = False
+        self._publish_spoilt = publish_spoilt
         self._publish = publish
         self._ending = Event()
         self._thread = Thread(target=self._run, daemon=True)
@@ -49,4 +54,5 @@ class RangeSensor:
         while not self._ending.wait(max(0.0, started_s + seq / _RATE_HZ - time.monotonic())):
             seq += 1
             if not self.silent:
-                self._publish(Ranges(seq=seq, sectors=sectors))
+                publish = self._publish_spoilt if self.spoilt else self._publish
+                publish(Ranges(seq=seq, sectors=sectors))

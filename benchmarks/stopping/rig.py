@@ -5,12 +5,14 @@ from __future__ import annotations
 import logging
 import math
 import os
+import secrets
 import signal
 import socket
 import subprocess
 import sys
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Self
 
@@ -21,6 +23,7 @@ from benchmarks.stopping.camera import FaultyCamera
 from benchmarks.stopping.ranges import RangeSensor
 from benchmarks.stopping.relay import Relay
 from schemas import (
+    EStop,
     HeelError,
     Message,
     MotionCommand,
@@ -31,9 +34,11 @@ from schemas import (
     encode,
     keys,
 )
+from services.runtime.places import VARIABLE, robot_name
 from services.runtime.process import PARENT_VARIABLE
 from services.runtime.session import open_session
 from services.runtime.settings import ZenohSettings
+from services.runtime.stop_socket import drives_here
 
 CHAIN = ("capture", "detector", "tracker", "follower", "drive")
 _SENSOR = "sonar/main@00000001"
@@ -59,12 +64,18 @@ class Rig:
         self._resources = ExitStack()
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         folder.mkdir(parents=True, exist_ok=True)
+        self._run_folder = folder.absolute() / "run"
+        self._run_folder.mkdir(mode=0o700, exist_ok=True)
         self._record = folder / "wheels.txt"
         self._record.write_text("")
         self._router_port = _free_port()
         self.camera = FaultyCamera()
-        self.ranges = RangeSensor(self._publish_ranges)
-        self.relays = {name: Relay(self._router_port) for name in CHAIN}
+        self.ranges = RangeSensor(self._publish_ranges, self._publish_spoilt_ranges)
+        self.relays = {name: Relay(self._router_port) for name in (*CHAIN, "viewer")}
+        self.engagement = ""
+        """Of the newest emergency stop pressed here."""
+        self.command_ms = math.inf
+        """How long the last `heel stop` took; infinite if it did not say that the robot stands."""
         self.newest_command: tuple[MotionCommand, str] | None = None
         """The follower's newest command and its producer."""
 
@@ -100,14 +111,94 @@ class Rig:
             "drive": ("--driver", "record", "--driver-options", str(self._record)),
         }.get(name, ())
         flags = (*flags, *more)
-        if name in self.relays:
+        if name in CHAIN:
             endpoint = f"tcp/127.0.0.1:{self.relays[name].port}"
             flags = (*flags, "--connect", endpoint, "--connect-timeout-s", f"{_READY_S:g}")
+        self._start(name, "services", name, *flags)
+
+    def start_client(self, name: str, kind: str, relayed: bool = False) -> None:
+        """Start a client that has no part in stopping, unless it runs; it is up on return."""
+        if name in self._processes and self._processes[name].poll() is None:
+            return
+        port = self.relays[name].port if relayed else self._router_port
+        log = self._folder / f"{name}.log"
+        log.write_bytes(b"")
+        self._start(name, "benchmarks.stopping.clients", kind, f"tcp/127.0.0.1:{port}")
+        deadline_s = time.monotonic() + _READY_S
+        while b"up" not in log.read_bytes():
+            if time.monotonic() > deadline_s:
+                raise HeelError(f"{name} does not start: see {log}")
+            time.sleep(0.02)
+
+    def end_client(self, name: str) -> None:
+        """End one, if it runs."""
+        if (process := self._processes.pop(name, None)) is not None:
+            process.kill()
+            process.wait(5.0)
+
+    def heel(self, *arguments: str) -> int:
+        """Run a command of `heel` at this robot; its exit code."""
+        # By the drive's own endpoint, by which a drive on this machine is known.
+        endpoint = f"tcp/127.0.0.1:{self.relays['drive'].port}"
+        with (self._folder / "heel.log").open("ab") as log:
+            return subprocess.call(
+                [sys.executable, "-m", "services", *arguments, "--connect", endpoint],
+                cwd=REPOSITORY, env=self._environment(), stdin=subprocess.DEVNULL, stdout=log,
+                stderr=log, timeout=_READY_S,
+            )  # fmt: skip
+
+    def press_here(self) -> None:
+        """Press the emergency stop by the drive's own socket."""
+        stop = self._new_stop()
+        zenoh_settings = ZenohSettings(connect=(f"tcp/127.0.0.1:{self.relays['drive'].port}",))
+        with _run_folder(self._run_folder):
+            drives_here(robot_name(zenoh_settings), stop, 1.0)
+
+    def press(self) -> None:
+        """Press the emergency stop as any program does: one message, sent once."""
+        self.publish(keys.FOLLOW_ESTOP, self._new_stop())
+
+    def release(self) -> None:
+        """Release it, and see to it that everybody has heard it.
+
+        Raises:
+            HeelError: somebody goes on holding it.
+        """
+        deadline_s = time.monotonic() + _READY_S
+        while held := self._held():
+            for name in {one.id for one in held}:
+                t_ns = max(one.t_ns for one in held)
+                release = EStop(engaged=False, source="benchmark", id=name, t_ns=t_ns)
+                self.publish(keys.FOLLOW_ESTOP, release)
+            if time.monotonic() > deadline_s:
+                raise HeelError("the emergency stop cannot be released")
+            time.sleep(0.1)
+
+    def _held(self) -> list[EStop]:
+        held = []
+        for reply in self.session.get(keys.FOLLOW_ESTOP, timeout=1.0):
+            if reply.ok is not None:
+                estop = decode(EStop, reply.ok.payload.to_bytes())
+                held += [estop] if estop.engaged else []
+        return held
+
+    def _new_stop(self) -> EStop:
+        self.engagement = secrets.token_hex(8)
+        return EStop(
+            engaged=True, source="benchmark", id=self.engagement, t_ns=time.time_ns()
+        )  # fmt: skip
+
+    def _environment(self) -> dict[str, str]:
         kept = {key: value for key, value in os.environ.items() if not key.startswith("HEEL_")}
-        environment = kept | {"PYTHONPATH": str(REPOSITORY), PARENT_VARIABLE: str(os.getpid())}
+        return kept | {
+            "PYTHONPATH": str(REPOSITORY), PARENT_VARIABLE: str(os.getpid()),
+            VARIABLE: str(self._run_folder),
+        }  # fmt: skip
+
+    def _start(self, name: str, module: str, *words: str) -> None:
         with (self._folder / f"{name}.log").open("ab") as log:
             self._processes[name] = subprocess.Popen(
-                [sys.executable, "-m", "services", name, *flags], cwd=REPOSITORY, env=environment,
+                [sys.executable, "-m", module, *words], cwd=REPOSITORY, env=self._environment(),
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log,
             )  # fmt: skip
 
@@ -178,7 +269,7 @@ class Rig:
             if self.stands_since_ns() is not None:
                 turning_since_s = math.inf
                 if now_s >= choose_s:
-                    self._choose_nearest()
+                    self.choose_nearest()
                     choose_s = now_s + _CHOOSE_EVERY_S
                 if now_s >= doubt_s:
                     self.signal("tracker", signal.SIGKILL)
@@ -196,7 +287,30 @@ class Rig:
             attachment=encode(stamp), congestion_control=zenoh.CongestionControl.DROP,
         )  # fmt: skip
 
-    def _choose_nearest(self) -> None:
+    def _publish_spoilt_ranges(self, ranges: Ranges) -> None:
+        stamp = Stamp(producer=_SENSOR, t_sent_ns=time.time_ns(), age_ns=0)
+        self.session.put(
+            keys.ROBOT_RANGE, encode(ranges)[:-9], encoding=ranges.encoding(), express=True,
+            attachment=encode(stamp), congestion_control=zenoh.CongestionControl.DROP,
+        )  # fmt: skip
+
+    def await_alive(self, *services: str) -> None:
+        """Wait until these services say that they are there.
+
+        Raises:
+            HeelError: one does not within a minute.
+        """
+        missing, deadline_s = set(services), time.monotonic() + _READY_S
+        while missing:
+            for reply in self.session.liveliness().get(keys.ALL_ALIVE, timeout=0.5):
+                if reply.ok is not None:
+                    missing.discard(str(reply.ok.key_expr).split("/")[1])
+            if time.monotonic() > deadline_s:
+                raise HeelError(f"{', '.join(missing)} does not come back: see {self._folder}")
+            time.sleep(0.1)
+
+    def choose_nearest(self) -> None:
+        """Let the follower follow whoever is nearest."""
         request = encode(TargetRequest(mode="nearest"))
         for _ in self.session.get(keys.FOLLOW_TARGET, payload=request, timeout=0.5):
             pass
@@ -216,6 +330,19 @@ class Rig:
             process.kill()
         for process in self._processes.values():
             process.wait(5.0)
+
+
+@contextmanager
+def _run_folder(folder: Path) -> Iterator[None]:
+    """This process as one of the robot's."""
+    before = os.environ.get(VARIABLE)
+    os.environ[VARIABLE] = str(folder)
+    try:
+        yield
+    finally:
+        os.environ.pop(VARIABLE)
+        if before is not None:
+            os.environ[VARIABLE] = before
 
 
 def _free_port() -> int:

@@ -21,8 +21,10 @@ from services.runtime.stop_socket import LocalAnswer, drives_here
 
 _IN_ALL_S = 1.8
 """From the start of the process to its last word, a little below the two seconds that are said."""
-_AT_LEAST_S = 0.8
+_AT_LEAST_S = 1.0
 """The same from where the command begins to talk, on a computer that takes long to start one."""
+_ASK_S, _OBEY_S = 1.2, 1.0
+"""A resume has no hurry: so long it waits for who is there, and then for what they make of it."""
 _SAID_AT_LEAST = 3
 """A stop goes out so often even when the first was confirmed: whoever confirms may be a liar."""
 _HERE_S = 0.6
@@ -72,13 +74,13 @@ def resume(
     Nothing is released unless drive and follower answer, and the stop is engaged again if one of
     them does not obey the release.
     """
-    deadline_s = _deadline_s()
     where = find(connect, run, namespace, config)
+    deadline_s = time.monotonic() + _ASK_S
     line = RobotLine(where)
     here = _Here(where, None)
     line.wait(lambda heard, now_s: heard.failure != "" or (
         here.done and refusal(heard, here.answers, without_follower, now_s) == ""
-    ), deadline_s - _HERE_S)  # fmt: skip
+    ), deadline_s)  # fmt: skip
     heard = line.look()
     refused = heard.failure or refusal(heard, here.answers, without_follower, time.monotonic())
     if not here.done:
@@ -89,15 +91,18 @@ def resume(
     engagements = list(heard.engagements.values())
     line.say(_release_of(one) for one in engagements)
     parts = bool(heard.fresh_drives(time.monotonic())), not without_follower
-    released = line.wait(lambda heard, now_s: is_released(heard, *parts, now_s), deadline_s)
+    released = line.wait(
+        lambda heard, now_s: is_released(heard, *parts, now_s), time.monotonic() + _OBEY_S
+    )
     if released:
         _end(line, "resumed" if engagements else "resumed: no emergency stop was engaged", False)
         return
     again = _stop_message()
     line.say([again])
+    _Here(where, again)
     line.wait(lambda heard, now_s: heard.said >= _SAID_AT_LEAST
               and is_stopped(heard, now_s), time.monotonic() + _HERE_S)  # fmt: skip
-    _end(line, "not resumed: drive and follower did not both obey the release within 2 s, and the "
+    _end(line, "not resumed: drive and follower did not both obey the release within 1 s, and the "
          "emergency stop is engaged again", True)  # fmt: skip
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.stopping.faults import Fault, all_faults
+from benchmarks.stopping.fault import Fault
+from benchmarks.stopping.faults import all_faults
 from benchmarks.stopping.rig import Rig
 from benchmarks.time_to_stop import measure
 
