@@ -23,6 +23,7 @@ from services.follower.camera_info import implausible
 from services.follower.clearance import Sectors
 from services.follower.controller import Goal, VelocityController
 from services.follower.freshness import Freshness
+from services.follower.kept import KeptTarget
 from services.follower.moving_picture import PictureWatch
 from services.follower.own_motion import OwnMotion
 from services.follower.people import People
@@ -164,6 +165,19 @@ class Follower:
         if self._choice.request(request, self._tracks, age_s, now_s):
             self._begin()
         return self.target
+
+    @property
+    def kept(self) -> KeptTarget | None:
+        """What the next follower has to know to follow the same person."""
+        return self._choice.kept
+
+    def restore(self, kept: KeptTarget) -> None:
+        """Before the first tracks: go on with whom the follower before this one followed.
+
+        It counts if they are the same tracker's, of the same pictures; and the robot moves only
+        after making sure, as with anybody who is chosen.
+        """
+        self._choice.restore(kept)
 
     @property
     def too_slow(self) -> str | None:

@@ -15,7 +15,8 @@ _CALM_S = 5.0
 _LONGEST_WAIT_S = 2.0
 _TOLD_ANEW_S = 2.0
 """The measured rate is never twice the same: a reason that changes with every frame is noise."""
-_SHORTEST_S = 0.005
+_SHORTEST_S = 1 / 30
+"""What comes so late that more than 30 frames/s would be needed is late, not rare."""
 _SILENT_INTERVALS = 3.0
 """After so many intervals without a frame it is not the rate: nobody sends any more."""
 
@@ -94,12 +95,11 @@ class Freshness:
         spare_s = self._max_age_s - late_s
         if age_s > late_s + _SILENT_INTERVALS * interval_s:
             return None
-        if spare_s < 0:
-            return f"they come {late_s:.1f} s late"
         if interval_s < spare_s:
             return None
-        needed = math.ceil(1 / max(spare_s, _SHORTEST_S))
+        if spare_s < _SHORTEST_S:
+            return f"they come {late_s:.2g} s late"
         return (
             f"camera gives {1 / interval_s:.2g} frames/s {late_s:.2g} s late, "
-            f"at least {needed} are needed"
+            f"at least {math.ceil(1 / spare_s)} are needed"
         )

@@ -26,6 +26,7 @@ from schemas import (
     MotionCommand,
     Odometry,
     Ranges,
+    SettingsError,
     Taken,
     Target,
     TargetRequest,
@@ -37,9 +38,10 @@ from schemas import (
 from services.follower.camera_info import CameraInfos, implausible
 from services.follower.core import Follower
 from services.follower.frame_times import FrameTimes
+from services.follower.kept import TargetFile
 from services.follower.sensors import Sensor
 from services.follower.settings import FollowerServiceSettings
-from services.runtime import qos
+from services.runtime import places, qos
 from services.runtime.clock import monotonic_clock
 from services.runtime.inbox import Arrival
 from services.runtime.latched import LatchedQuery
@@ -90,6 +92,7 @@ class FollowerService:
             self._odometry = context.subscribe(
                 "odometry", keys.ROBOT_ODOMETRY, qos.ODOMETRY, primary=False
             )
+        self._note = self._target_file()
         self._out = context.publisher(keys.FOLLOW_COMMAND, qos.COMMAND)
         self._state = resources.enter_context(
             Latched(session, keys.FOLLOW_STATE, qos.STATE.for_delivery(context.settings.delivery))
@@ -136,6 +139,8 @@ class FollowerService:
                 self._publish(now_s, age_s)
                 self._stop.save()
                 self._stop.poll(now_s)
+                if self._note is not None:
+                    self._note.renew(now_s)
                 due_s = max(due_s + period_s, now_s)
                 self._look_after(now_s)
                 continue
@@ -242,6 +247,7 @@ class FollowerService:
             return
         if not self._told or self._told[2] != state.target:
             self._target_out.put(encode(state.target), encoding=state.target.encoding())
+            self._keep_target()
         self._told, self._told_s = news, now_s
         self._state.set(state)
         self._context.log.info("%s: %s (target %s)", state.state, state.reason,
@@ -324,9 +330,30 @@ class FollowerService:
             self._use_camera_of(info.epoch)
 
     def _catch_up(self) -> None:
-        """Ask for latched values: a follower that restarts must not forget a stop."""
+        """A follower that restarts must forget neither a stop nor who was chosen."""
         self._stop.catch_up()
         self._ask_camera()
+        if self._note is not None and (kept := self._note.load()) is not None:
+            self._follower.restore(kept)
+
+    def _target_file(self) -> TargetFile | None:
+        context = self._context
+        if not self._live:
+            return None
+        try:
+            folder = places.run_folder()
+        except SettingsError:
+            # The emergency stop has warned of it.
+            return None
+        run = places.private_run()
+        name = f"target-{context.robot}-{context.settings.instance}{run and f'-{run}'}"
+        return TargetFile(folder / name, context.log)
+
+    def _keep_target(self) -> None:
+        if self._note is not None:
+            with self._lock:
+                kept = self._follower.kept
+            self._note.save(kept)
 
     def _ask_camera(self) -> None:
         for info in self._latched(keys.info(self._context.settings.camera), CameraInfo):

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from schemas import HeelError, Target, TargetRequest, Track, Tracks
 from services.follower.choosing import Imprinting, at_point, companion, nearest
+from services.follower.kept import KeptTarget, Scene
 from services.follower.pending import PendingPoint
 from services.follower.people import Person
 from services.follower.settings import FollowerSettings
@@ -35,9 +36,21 @@ class TargetChoice:
         }
         self._max_age_s = settings.max_tracks_age_s
         self._tracker: str | None = None
-        self._scene: tuple[str, int, int, int] | None = None
+        self._scene: Scene | None = None
+        self._left: KeptTarget | None = None
         self.pending: PendingPoint | None = None
         self.target = Target(seq=0, mode=settings.target, reason=self._waiting[settings.target])
+
+    def restore(self, kept: KeptTarget) -> None:
+        """Follow whom the follower before this one followed, if the first tracks are the same's."""
+        self._left = kept
+
+    @property
+    def kept(self) -> KeptTarget | None:
+        """What the next follower has to know to go on; None if nobody is chosen."""
+        if self.target.track_id is None or self._scene is None:
+            return self._left
+        return KeptTarget(target=self.target, scene=self._scene)
 
     def source_is(self, tracker: str, tracks: Tracks) -> bool:
         """Note who tracks in which pictures; True if all ids mean somebody else from now on."""
@@ -45,6 +58,7 @@ class TargetChoice:
         before_tracker, before_scene = self._tracker, self._scene
         self._tracker, self._scene = tracker, scene
         if before_tracker is None or before_scene is None:
+            self._go_on()
             return False
         if before_tracker != tracker:
             self._void("the tracker was replaced: choose again")
@@ -169,13 +183,22 @@ class TargetChoice:
             f"nobody has id {request.track_id} now: see `heel status` for the ids in sight"
         )
 
+    def _go_on(self) -> None:
+        left, self._left = self._left, None
+        if left is None or self.target.track_id is not None or self.pending is not None:
+            return
+        if left.scene == self._scene and left.target.tracker == self._tracker:
+            self._set(left.target.mode, left.target.track_id, "kept over a restart of the follower")
+        elif self.target.mode == "none":
+            self._set("none", None, "follower and tracker or camera were restarted: choose again")
+
     def _void(self, reason: str) -> None:
         self._imprinting.reset()
         if self.target.track_id is not None or self.pending is not None:
             self._set("none", None, reason)
 
     def _set(self, mode: str, track_id: int | None, reason: str) -> None:
-        self.pending = None
+        self.pending = self._left = None
         self.target = Target.model_validate(
             {"seq": self.target.seq + 1, "mode": mode, "track_id": track_id, "reason": reason,
              "tracker": self._tracker if track_id is not None else None}

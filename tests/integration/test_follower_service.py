@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -39,14 +40,19 @@ class Robot:
     def __init__(self, endpoint: str, resources: ExitStack) -> None:
         self.endpoint = endpoint
         self.session = resources.enter_context(network.client(endpoint))
-        self.process = resources.enter_context(
-            running("-m", "services.follower", "--connect", endpoint)
-        )
+        self._resources = resources
         self.states: list[FollowState] = []
         self.seq = 0
         self.people: tuple[Track, ...] = (person(1, height=60.0),)
         subscriber = self.session.declare_subscriber(keys.FOLLOW_STATE, self._note)
         resources.callback(subscriber.undeclare)
+        self.start()
+
+    def start(self) -> None:
+        """Start the follower, or another after the one that has ended."""
+        self.process = self._resources.enter_context(
+            running("-m", "services.follower", "--connect", self.endpoint)
+        )
         network.wait_until(lambda: "is up" in self.process.stderr(), "the follower", 30.0)
 
     def _note(self, sample: zenoh.Sample) -> None:
@@ -153,3 +159,19 @@ def test_heel_follow_waits_for_what_becomes_of_a_point(robot: Robot) -> None:
         told = process.stdout()
     assert "looking for somebody there" in told
     assert "person 2 (point): found where you pointed" in told
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_follower_that_restarts_keeps_its_target(robot: Robot, number: signal.Signals) -> None:
+    robot.until("a first state", lambda state: state.state == "idle")
+    robot.choose(TargetRequest(mode="id", track_id=1))
+    robot.until("driving", lambda state: state.linear_mps > 0.1)
+    robot.process.stop(number, network.DEADLINE_S)
+    robot.states.clear()
+    robot.start()
+    again = robot.until("driving again", lambda state: state.linear_mps > 0.1)
+    assert (again.target.track_id, again.target.reason) == (
+        1,
+        "kept over a restart of the follower",
+    )
+    assert "acquiring" in {state.state for state in robot.states}

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 import math
+import os
+import time
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from schemas import CameraMotion, Odometry, TargetRequest, Track, Tracks
 from schemas.follow import TargetMode
 from services.follower.core import Follower
+from services.follower.kept import KeptTarget, TargetFile
 from services.follower.pending import PENDING_S
 from services.follower.settings import FollowerSettings
 from services.follower.target import TargetError
@@ -250,3 +256,66 @@ def test_who_waits_for_the_nearest_goes_on_waiting_after_a_restart() -> None:
     made.step(10.1, 0.0)
     assert made.target.mode == "nearest"
     assert made.target.track_id is not None
+
+
+def restarted_follower(seen: Tracks, tracker: str = TRACKER, **settings: Any) -> Follower:
+    """A follower that comes after one that followed person 1."""
+    before = Watching(person(1))
+    before.follower.choose(TargetRequest(mode="point", x_px=320, y_px=300))
+    kept = before.follower.kept
+    assert kept is not None
+    made = Follower(FollowerSettings(**settings))
+    made.restore(KeptTarget.model_validate_json(kept.model_dump_json()))
+    assert made.kept == kept, "a third one has to know as well"
+    made.observe(seen, tracker)
+    return made
+
+
+@pytest.mark.parametrize("start", ["none", "nearest"])
+def test_a_follower_that_restarts_goes_on_with_whom_the_one_before_followed(start: str) -> None:
+    made = restarted_follower(tracks(person(1, height=60), person(2, x=500)), target=start)
+    assert (made.target.mode, made.target.track_id) == ("point", 1)
+    assert made.target.reason == "kept over a restart of the follower"
+    assert made.step(0.0, 0.0).state == "acquiring", "and makes sure before it moves"
+
+
+@pytest.mark.parametrize(
+    ("seen", "tracker"), [(restarted(), OTHER_TRACKER), (restarted(epoch=2), TRACKER)]
+)
+def test_it_does_not_if_the_ids_are_of_another_tracker_or_camera(
+    seen: Tracks, tracker: str
+) -> None:
+    made = restarted_follower(seen, tracker)
+    assert made.target.track_id is None
+    assert made.target.reason.endswith("restarted: choose again")
+    assert made.kept is None
+
+
+def test_whoever_chooses_before_the_first_tracks_wins() -> None:
+    made = Follower(FollowerSettings())
+    before = Watching(person(1))
+    before.follower.choose(TargetRequest(mode="id", track_id=1))
+    assert before.follower.kept is not None
+    made.restore(before.follower.kept)
+    made.choose(TargetRequest(mode="none"))
+    made.observe(tracks(person(1)), TRACKER)
+    assert made.target.reason == "cleared"
+
+
+def test_the_note_is_read_by_whoever_comes_soon(tmp_path: Path) -> None:
+    note, log = tmp_path / "target", logging.getLogger("test")
+    before = Watching(person(1))
+    before.follower.choose(TargetRequest(mode="id", track_id=1))
+    kept = before.follower.kept
+    assert TargetFile(note, log).load() is None
+    file = TargetFile(note, log)
+    file.save(kept)
+    assert TargetFile(note, log).load() == kept
+    os.utime(note, (time.time() - 60, time.time() - 60))
+    assert TargetFile(note, log).load() is None, "by now nobody expects the robot to set off"
+    file.renew(1e6)
+    assert TargetFile(note, log).load() == kept
+    note.write_text('{"target": 7}')
+    assert TargetFile(note, log).load() is None
+    file.save(None)
+    assert not note.exists()
