@@ -11,6 +11,10 @@ from services.follower.pending import PendingPoint
 from services.follower.people import Person
 from services.follower.settings import FollowerSettings
 
+_CHOICE_AGE_S = 0.5
+"""Who was seen no longer ago can still be chosen: a busy machine is late now and then, and nothing
+moves before the tracks are fresh."""
+
 
 class TargetError(HeelError):
     """A target that cannot be chosen."""
@@ -34,7 +38,7 @@ class TargetChoice:
             f"for {settings.imprint_s:g} s",
             "none": "no target",
         }
-        self._max_age_s = settings.max_tracks_age_s
+        self._max_age_s = max(settings.max_tracks_age_s, _CHOICE_AGE_S)
         self._tracker: str | None = None
         self._scene: Scene | None = None
         self._left: KeptTarget | None = None
