@@ -121,7 +121,7 @@ class Onlooker:
                 self.reasons[str(message.get("reason"))] += 1
 
 
-def attack(rig: Rig, count: int, rate_hz: float, seed: int) -> Outcome:
+def attack(rig: Rig, count: int, rate_hz: float, seed: int, calm_s: float = _CALM_S) -> Outcome:
     """Send `count` hostile messages to a stack that follows somebody.
 
     Args:
@@ -129,12 +129,13 @@ def attack(rig: Rig, count: int, rate_hz: float, seed: int) -> Outcome:
         count: of messages.
         rate_hz: at most so many a second.
         seed: of what is sent.
+        calm_s: for so long following is judged before and after.
     """
     rig.await_driving()
     onlooker = Onlooker(rig.session)
     recorded = _recorded(rig.session)
     onlooker.settle()
-    time.sleep(_CALM_S)
+    time.sleep(calm_s)
     before = onlooker.following()
     target_before = _target(rig.session)
     mutations = Mutations(recorded, seed)
@@ -149,7 +150,7 @@ def attack(rig: Rig, count: int, rate_hz: float, seed: int) -> Outcome:
     during, silence_s = onlooker.following(), dict(onlooker.silence_s)
     reasons = dict(onlooker.reasons.most_common(_REASONS_SHOWN))
     onlooker.settle()
-    time.sleep(_CALM_S)
+    time.sleep(calm_s)
     return Outcome(
         messages=count, seconds=seconds, ended=tuple(rig.ended()), longest_silence_s=silence_s,
         following_before=before, following_during=during, following_after=onlooker.following(),
