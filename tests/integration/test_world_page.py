@@ -23,8 +23,8 @@ WIDTH_PX = 640
 Box = tuple[float, float, float, float]
 _LOOK = """
 const [picture, map] = ["picture", "map"].map((id) => document.getElementById(id).dataset);
-return {boxes: picture.boxes ?? "[]", people: map.people ?? "[]", followed: map.followed ?? "",
-        speed: Number(map.speed ?? 0), time: Number(map.time ?? 0)};
+return {boxes: picture.boxes ?? "[]", people: map.people ?? "[]", names: map.names ?? "[]",
+        followed: map.followed ?? "", speed: Number(map.speed ?? 0), time: Number(map.time ?? 0)};
 """
 
 
@@ -69,6 +69,10 @@ class Page:
     def followed(self) -> str:
         return str(self.look()["followed"])
 
+    def name_on_the_map(self, person: int) -> int | None:
+        """What the map calls one of the simulator's people."""
+        return dict(json.loads(str(self.look()["names"]))).get(person)
+
     @property
     def speed_mps(self) -> float:
         return float(self.look()["speed"])
@@ -110,11 +114,12 @@ def test_click_a_person_and_the_robot_follows_that_one_stop_and_it_stands(
         def click_the_target_until_followed() -> bool:
             if page.followed != "1" and 1 in page.people:
                 page.click_on(page.people[1])
-                wait_until(lambda: "Following person" in page.text("toast")
-                           or "nobody" in page.text("toast"), "an answer")  # fmt: skip
+                wait_until(lambda: page.text("toast") != "", "an answer")
             return page.followed == "1"
 
         wait_until(click_the_target_until_followed, "person 1 is followed", 20.0)
+        # The map names people as the picture does: the followed one's number is the target's.
+        wait_until(lambda: f"person {page.name_on_the_map(1)}" == page.text("target"), "one name")
         wait_until(lambda: page.speed_mps > 0.3, "the robot drives", 20.0)
         began_s = float(page.look()["time"])
         seen = set()
