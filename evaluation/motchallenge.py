@@ -10,17 +10,28 @@ arXiv:1504.01942.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from evaluation.classes import people_by_class
+from evaluation.plausible import (
+    MOST_FRAMES_WITHOUT_BOXES,
+    MOST_FRAMES_WITHOUT_TRACKS,
+    check_frames,
+    check_units,
+)
 from evaluation.rows import COLUMNS, MAX_FRAME, BoxRows, RowKind, check_rows
 from schemas.errors import HeelError
 from services.runtime.sequence_file import SEQUENCE_FILE, read_sequence_file, sequence_file
 
+_log = logging.getLogger("heel.evaluation")
+_MORE = 3
 _REQUIRED_COLUMNS: dict[RowKind, int] = {"ground truth": 7, "detections": 7, "tracks": 6}
 
 
@@ -58,7 +69,10 @@ def ground_truth_file(path: Path) -> Path:
 
 
 def read_ground_truth(path: Path) -> BoxRows:
-    """All rows of a ``gt.txt``; ``values`` are the flags (column 7), flag 0 included.
+    """People of a ``gt.txt``; ``values`` are the flags (column 7), flag 0 included.
+
+    Where an eighth column says what each row is, only people are given, and those that MOTChallenge
+    does not evaluate with flag 0 (see ``classes``).
 
     Raises:
         HeelError: the file is missing, empty or malformed (with value and line number).
@@ -67,7 +81,7 @@ def read_ground_truth(path: Path) -> BoxRows:
 
 
 def read_detections(path: Path) -> BoxRows:
-    """All rows of a ``det.txt``; identities are -1 whatever the file says.
+    """People of a ``det.txt`` (see ``classes``); identities are -1 whatever the file says.
 
     Raises:
         HeelError: the file is missing, empty or malformed (with value and line number).
@@ -175,7 +189,37 @@ def _read_rows(path: Path, kind: RowKind) -> BoxRows:
         raise HeelError(f"{path}: empty; a {kind} file has rows {COLUMNS},-1,-1,-1")
     numbers = [_parse_row(lines[place - 1], kind, f"{path}: line {place}") for place in places]
     table = np.array(numbers, dtype=np.float64).reshape(-1, 7)
-    return check_rows(table, np.array(places, dtype=np.int64), kind, f"{path}: line")
+    counts = {len(_fields(lines[place - 1])) for place in places}
+    more = np.array([_more(lines[place - 1]) for place in places]).reshape(-1, _MORE)
+    where, at = f"{path}: line", np.array(places, dtype=np.int64)
+    rows = check_rows(table, at, kind, where)
+    check_units(table, at, where)
+    if places:
+        most = MOST_FRAMES_WITHOUT_TRACKS if kind == "tracks" else MOST_FRAMES_WITHOUT_BOXES
+        check_frames(table, at, where, most)
+    people = people_by_class(counts.pop() if len(counts) == 1 else 0, more, at, kind, where)
+    if people.kept.all() and not people.unscored.any():
+        return rows
+    table[people.unscored, 6] = 0.0
+    left_out = int((~people.kept).sum())
+    if left_out:
+        _log.warning("%s: %d of %d rows are of other classes than people: left out", path,
+                     left_out, len(table))  # fmt: skip
+    return check_rows(table[people.kept], at[people.kept], kind, where)
+
+
+def _fields(line: str) -> list[str]:
+    """Columns of a row; a comma at its end begins none."""
+    return line.strip().removesuffix(",").split(",")
+
+
+def _more(line: str) -> list[float]:
+    """Columns 8 to 10, NaN for what is missing or no number."""
+    found = [math.nan] * _MORE
+    for index, field in enumerate(_fields(line)[7 : 7 + _MORE]):
+        with suppress(ValueError):
+            found[index] = float(field)
+    return found
 
 
 def _parse_row(line: str, kind: RowKind, where: str) -> list[float]:

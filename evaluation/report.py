@@ -27,6 +27,7 @@ from evaluation.motchallenge import (
     read_sequence_info,
     read_tracks,
 )
+from evaluation.plausible import check_size, warn_of_another_size
 from evaluation.retention import retention
 from evaluation.rows import rows_from_array
 from evaluation.scores import tracking_scores
@@ -123,12 +124,18 @@ def load_sequence(
     folder = file.absolute().parent
     folder = folder.parent if folder.name == "gt" else folder
     name, frame_count = (folder.name if file.name == "gt.txt" else file.stem), 0
+    tracks_file = tracks_path / "tracks.txt" if tracks_path.is_dir() else tracks_path
+    truth, tracks = read_ground_truth(file), read_tracks(tracks_file)
     if sequence_file(folder) is not None:
         info = read_sequence_info(folder)
         name, frame_count = info.name, info.frame_count
+        if info.width_px and info.height_px:
+            check_size(truth, (info.width_px, info.height_px), str(file))
+            check_size(tracks, (info.width_px, info.height_px), str(tracks_file))
+    warn_of_another_size(truth, tracks, str(tracks_file))
     return align(
-        read_ground_truth(file),
-        read_tracks(tracks_path / "tracks.txt" if tracks_path.is_dir() else tracks_path),
+        truth,
+        tracks,
         name=name,
         frame_count=frame_count,
         iou_threshold=iou_threshold,

@@ -12,10 +12,17 @@ import typer
 from schemas.errors import HeelError, SettingsError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from evaluation.rows import BoxRows
-    from services.tracker.given_boxes.sequence import GivenSequence
+    from services.tracker.given_boxes.sequence import GivenSequence, Picture
     from services.tracker.given_boxes.settings import BoxTrackerSettings
     from services.tracker.given_boxes.track import TrackOutput
+
+_REACH = 1.5
+"""Boxes may go on outside of the picture, but not so far."""
+_SAME_SHAPE = 0.02
 
 
 def track_detections(
@@ -49,7 +56,7 @@ def track_detections(
     from services.tracker.given_boxes.sequence import track_sequence
 
     given = read_given(detections, fps, image_size)
-    picture = None if frames is None else pictures_by_number(frames)
+    picture = None if frames is None else _of_size(pictures_by_number(frames), given, frames)
     rows = shown_rows(track_sequence(given, _settings(config), picture))
     write_tracks(out, rows)
     people = len(set(rows.identities.tolist()))
@@ -80,6 +87,7 @@ def read_given(
         HeelError: a file is missing, empty or malformed, or nothing tells the frame rate.
     """
     from evaluation.motchallenge import read_detections, read_sequence_info
+    from evaluation.plausible import MOST_FRAMES_WITHOUT_BOXES, check_size
     from services.runtime.sequence_file import sequence_file
     from services.tracker.given_boxes.sequence import GivenSequence
 
@@ -96,7 +104,27 @@ def read_given(
     if size is None and info and info.width_px and info.height_px:
         size = (info.width_px, info.height_px)
     count = info.frame_count if info else 0
-    return GivenSequence(rows.frames, rows.boxes_xyxy, rows.values, fps, count, size)
+    if count > int(rows.frames.max()) + MOST_FRAMES_WITHOUT_BOXES:
+        raise HeelError(
+            f"{described}: seqLength = {count}, and the last box is in frame {rows.frames.max()}: "
+            "correct it"
+        )
+    if size is not None:
+        check_size(rows, size, str(file))
+    return GivenSequence(rows.frames, rows.boxes_xyxy, _positive(rows.values), fps, count, size)
+
+
+def _positive(scores: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Scores of any scale but logarithms of odds, which become probabilities.
+
+    The tracker takes scores as shares of a usual person's, whatever that is; below 0 there is no
+    share. All alike, such as -1, say nothing and stay.
+    """
+    if not len(scores) or scores.min() >= 0 or scores.min() == scores.max():
+        return scores
+    import numpy as np
+
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(scores, -50.0, 50.0))))
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -124,3 +152,44 @@ def _settings(file: Path | None) -> BoxTrackerSettings:
         where = ".".join(str(part) for part in first["loc"])
         value = f"{first.get('input')!r:.80}"
         raise SettingsError(f"settings file {file}: {where} = {value}: {first['msg']}") from None
+
+
+def _of_size(picture: Picture, given: GivenSequence, where: Path) -> Picture:
+    """The same pictures, of the size that the boxes are for."""
+    import cv2
+    import numpy as np
+
+    def read(frame: int) -> NDArray[np.uint8]:
+        image = picture(frame)
+        size = _size_for_boxes(f"{where}: frame {frame}", (image.shape[1], image.shape[0]), given)
+        return image if size is None else np.asarray(cv2.resize(image, size), np.uint8)
+
+    return read
+
+
+def _size_for_boxes(
+    where: str, found: tuple[int, int], given: GivenSequence
+) -> tuple[int, int] | None:
+    """The size that a picture must get so that the boxes fit it, None if they do.
+
+    Raises:
+        HeelError: it is not a matter of scale, or nothing tells the size of the boxes' pictures.
+    """
+    if given.image_size == found:
+        return None
+    shown = f"{where}: {found[0]}x{found[1]} pixels"
+    if given.image_size is None:
+        right, bottom = given.boxes[:, 2:].max(axis=0) if len(given.boxes) else (0.0, 0.0)
+        if right > _REACH * found[0] or bottom > _REACH * found[1]:
+            raise HeelError(
+                f"{shown}, and boxes reach to {right:.0f}x{bottom:.0f}: give the size of the "
+                "pictures that they were made on with --image-size, or those pictures"
+            )
+        return None
+    wanted = given.image_size
+    if abs(wanted[0] * found[1] / (wanted[1] * found[0]) - 1) > _SAME_SHAPE:
+        raise HeelError(
+            f"{shown}, and the boxes are for {wanted[0]}x{wanted[1]} (--image-size or "
+            "seqinfo.ini): give pictures of the shape that they were made on"
+        )
+    return wanted

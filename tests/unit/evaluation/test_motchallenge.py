@@ -18,6 +18,7 @@ from evaluation.motchallenge import (
     read_tracks,
     write_tracks,
 )
+from evaluation.plausible import check_size, warn_of_another_size
 from evaluation.rows import BoxRows, rows_from_array, rows_from_xyxy
 from schemas.errors import HeelError
 
@@ -213,3 +214,132 @@ def test_broken_sequence_info_is_named(tmp_path: Path, text: str, told: str) -> 
     (tmp_path / "seqinfo.ini").write_text(text)
     with pytest.raises(HeelError, match=told):
         read_sequence_info(tmp_path)
+
+
+def two_walkers(row: str) -> str:
+    """Rows of two people in 40 frames, made by a format of f, i, x, y, w, h."""
+    people = ((1, 100, 4, 100, 40, 100), (2, 400, -3, 110, 42, 104))
+    return "".join(
+        row.format(f=f, i=i, x=x + v * f, y=y, w=w, h=h, r=x + v * f + w, b=y + h) + "\n"
+        for f in range(1, 41)
+        for i, x, v, y, w, h in people
+    )
+
+
+def with_classes(first: int, second: int, row: str = "{f},{i},{x},{y},{w},{h},1,{{}},1") -> str:
+    lines = two_walkers(row).splitlines()
+    return "".join(
+        line.format((first, second)[number % 2]) + "\n" for number, line in enumerate(lines)
+    )
+
+
+@pytest.mark.parametrize("other", [3, 6, 9, 13])
+def test_of_ground_truth_with_classes_only_people_are_read(
+    file: Callable[[str], Path], other: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    rows = read_ground_truth(file(with_classes(1, other)))
+    assert set(rows.identities.tolist()) == {1}
+    assert "40 of 80 rows are of other classes" in caplog.text
+
+
+@pytest.mark.parametrize("other", [2, 7, 8, 12])
+def test_people_whom_the_protocol_does_not_score_get_flag_0(
+    file: Callable[[str], Path], other: int
+) -> None:
+    rows = read_ground_truth(file(with_classes(1, other)))
+    assert len(rows) == 80
+    assert set(rows.values[rows.identities == 2].tolist()) == {0.0}
+    assert set(rows.values[rows.identities == 1].tolist()) == {1.0}
+
+
+@pytest.mark.parametrize("columns", ["1,{{}},0.5", "0.9,{{}}", "0.9,{{}},-1"])
+def test_detections_with_classes_are_of_people_only(
+    file: Callable[[str], Path], columns: str
+) -> None:
+    rows = read_detections(file(with_classes(1, 3, "{f},-1,{x},{y},{w},{h}," + columns)))
+    assert len(rows) == 40
+    assert rows.boxes_xyxy[0, 0] == 103
+
+
+@pytest.mark.parametrize("code", [-1, 0, 1])
+def test_one_class_alone_is_people(file: Callable[[str], Path], code: int) -> None:
+    assert len(read_ground_truth(file(with_classes(code, code)))) == 80
+
+
+@pytest.mark.parametrize("columns", ["-1,-1,-1", "0.3,-2.5,1.7", "3.5,4.25,0", "-1,-1,-1,"])
+def test_places_in_the_world_are_no_classes(file: Callable[[str], Path], columns: str) -> None:
+    assert len(read_ground_truth(file(two_walkers("{f},{i},{x},{y},{w},{h},1," + columns)))) == 80
+
+
+def test_categories_of_visdrone_are_known(file: Callable[[str], Path]) -> None:
+    row = "{f},{i},{x},{y},{w},{h},1,{{}},0,2"
+    assert len(read_ground_truth(file(with_classes(1, 4, row)))) == 40
+    assert len(read_ground_truth(file(with_classes(1, 2, row)))) == 80
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "told"),
+    [
+        (0, 2, r"line 1: class 0 in column 8 \(there are 0, 2\) is none of MOTChallenge's"),
+        (1, 80, r"line 2: class 80 in column 8"),
+        (3, 3, r"line 1: class 3 in column 8, and no row is of class 1, a pedestrian"),
+    ],
+)
+def test_classes_that_nothing_explains_are_refused(
+    file: Callable[[str], Path], first: int, second: int, told: str
+) -> None:
+    with pytest.raises(HeelError, match=told):
+        read_ground_truth(file(with_classes(first, second)))
+
+
+@pytest.mark.parametrize("read", [read_ground_truth, read_detections, read_tracks])
+def test_boxes_as_shares_of_the_picture_are_refused(
+    file: Callable[[str], Path], read: Callable[[Path], BoxRows]
+) -> None:
+    path = file("1,1,0.2,0.3,0.05,0.2,0.9\n2,1,0.21,0.3,0.05,0.2,0.9\n")
+    with pytest.raises(HeelError, match=r"line 1: box 0\.2,0\.3,0\.05,0\.2: .*0 to 1.*in pixels"):
+        read(path)
+
+
+@pytest.mark.parametrize("read", [read_ground_truth, read_detections, read_tracks])
+def test_a_mistyped_frame_number_is_refused_with_its_line(
+    file: Callable[[str], Path], read: Callable[[Path], BoxRows]
+) -> None:
+    path = file(GOOD + "9000000,1,10,20,30,40,1\n" + GOOD.replace("1,1", "3,1", 1))
+    with pytest.raises(HeelError, match="line 2: frame 9000000 after nobody since frame 3"):
+        read(path)
+
+
+def test_corners_in_place_of_sizes_are_told_of(
+    file: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    corners = file(two_walkers("{f},-1,{x},{y},{r},{b},0.9"))
+    rows = read_detections(corners)
+    with pytest.raises(HeelError, match=r"look like left,top,right,bottom: write width and height"):
+        check_size(rows, (640, 480), str(corners))
+    read_detections(file(two_walkers("{f},-1,{x},{x},{r},{r},0.9")))
+    assert "look like left,top,right,bottom" in caplog.text
+    caplog.clear()
+    sizes = file(two_walkers("{f},-1,{x},{y},{w},{h},0.9"))
+    check_size(read_detections(sizes), (640, 480), str(sizes))
+    assert caplog.text == ""
+
+
+def test_boxes_of_larger_pictures_are_refused_where_the_size_is_known(
+    file: Callable[[str], Path],
+) -> None:
+    path = file(two_walkers("{f},-1,{x},{y},{w},{h},0.9"))
+    with pytest.raises(HeelError, match="outside of pictures of 213x160"):
+        check_size(read_detections(path), (213, 160), str(path))
+
+
+def test_tracks_of_smaller_pictures_are_told_of(
+    file: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    truth = read_ground_truth(file(two_walkers("{f},{i},{x},{y},{w},{h},1")))
+    small = rows_from_xyxy(truth.frames, truth.identities, truth.boxes_xyxy / 3)
+    warn_of_another_size(truth, small, "tracks.txt")
+    assert "made on pictures of the same size?" in caplog.text
+    caplog.clear()
+    warn_of_another_size(truth, truth, "tracks.txt")
+    assert caplog.text == ""

@@ -140,3 +140,68 @@ def test_a_broken_setting_is_named(sequence: Path, tmp_path: Path, text: str, to
     config.write_text(text)
     with pytest.raises(SettingsError, match=told):
         run(sequence, "--out", tmp_path / "t.txt", "--config", config)
+
+
+def drawn_pictures(folder: Path, width: int, height: int, name: str = "{:08d}.JPG") -> Path:
+    """The two people of `rows` in pictures of this size."""
+    folder.mkdir()
+    for frame in range(1, 36):
+        image = np.full((480, 640, 3), 90, np.uint8)
+        image[100:200, max(0, 200 - 3 * frame) : 240 - 3 * frame] = (20, 20, 200)
+        image[110:210, 300 + 3 * frame : 340 + 3 * frame] = (200, 20, 20)
+        ok, data = cv2.imencode(".png", cv2.resize(image, (width, height)))
+        assert ok
+        (folder / name.format(frame)).write_bytes(data.tobytes())
+    return folder
+
+
+def test_pictures_of_another_size_are_scaled_to_the_boxes(sequence: Path, tmp_path: Path) -> None:
+    same = drawn_pictures(tmp_path / "same", 640, 480)
+    run(sequence, "--out", tmp_path / "same.txt", "--frames", same)
+    for width, height in ((320, 240), (1280, 960)):
+        other = drawn_pictures(tmp_path / f"{width}", width, height)
+        run(sequence, "--out", tmp_path / "other.txt", "--frames", other)
+        assert (tmp_path / "other.txt").read_text() == (tmp_path / "same.txt").read_text()
+
+
+def test_pictures_of_another_shape_are_refused(sequence: Path, tmp_path: Path) -> None:
+    square = drawn_pictures(tmp_path / "square", 480, 480)
+    with pytest.raises(HeelError, match=r"frame 1: 480x480 pixels, and the boxes are for 640x480"):
+        run(sequence, "--out", tmp_path / "t.txt", "--frames", square)
+
+
+def test_boxes_far_outside_of_pictures_whose_size_nothing_tells_are_refused(
+    sequence: Path, tmp_path: Path
+) -> None:
+    small = drawn_pictures(tmp_path / "small", 160, 120)
+    file = sequence / "det" / "det.txt"
+    (sequence / "seqinfo.ini").unlink()
+    with pytest.raises(HeelError, match=r"boxes reach to .*--image-size"):
+        run(file, "--fps", 10, "--out", tmp_path / "t.txt", "--frames", small)
+
+
+def test_scores_of_other_scales_give_the_same_tracks(sequence: Path, tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    lines = [line.split(",") for line in rows().splitlines()]
+    lines += [[str(frame), "-1", "500", "300", "40", "90", "0"] for frame in range(1, 31, 3)]
+    scores = np.where(np.arange(len(lines)) < 60, rng.uniform(0.6, 0.99, len(lines)), 0.15)
+    written = {}
+    for name, values in (
+        ("plain", scores), ("percent", 100 * scores), ("log odds", np.log(scores / (1 - scores)))
+    ):  # fmt: skip
+        text = [
+            ",".join([*line[:6], f"{value:.9f}"]) for line, value in zip(lines, values, strict=True)
+        ]
+        (sequence / "det" / "det.txt").write_text("\n".join(text))
+        run(sequence, "--out", tmp_path / "t.txt")
+        written[name] = (tmp_path / "t.txt").read_text()
+    assert written["percent"] == written["plain"]
+    assert written["log odds"] == written["plain"]
+    assert written["plain"]
+
+
+def test_a_length_that_nothing_fills_is_refused(sequence: Path, tmp_path: Path) -> None:
+    info = sequence / "seqinfo.ini"
+    info.write_text(SEQUENCE_FILE.replace("seqLength=35", "seqLength=9000000"))
+    with pytest.raises(HeelError, match=r"seqLength = 9000000, and the last box is in frame 30"):
+        run(sequence, "--out", tmp_path / "t.txt")

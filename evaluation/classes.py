@@ -1,0 +1,96 @@
+"""Which rows of a MOTChallenge file are people, where a column says what each row is.
+
+From MOT16 on, ground truth has nine columns, the eighth being the class of MOT16's table 3 (Milan
+et al., "MOT16: A Benchmark for Multi-Object Tracking", arXiv:1603.00831): 1 is a pedestrian, 2 a
+person on a vehicle, 7 a static person, 8 a distractor, 12 a reflection, the rest are things.
+MOT15's ten columns end in a place in the world, or in -1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.rows import RowKind
+from schemas.errors import HeelError
+
+PEDESTRIAN = 1
+_NOT_SCORED = (2, 7, 8, 12)
+"""Ignored by the protocol: whoever or whatever looks like a pedestrian and is not evaluated."""
+_MOST_CLASS = 13
+_VISDRONE_MOST, _VISDRONE_PEOPLE = 11, (1, 2)
+
+
+@dataclass(frozen=True)
+class People:
+    """What the classes say.
+
+    Attributes:
+        kept: (N,) rows that stay.
+        unscored: (N,) rows of ground truth that count as flag 0.
+    """
+
+    kept: NDArray[np.bool_]
+    unscored: NDArray[np.bool_]
+
+
+def people_by_class(
+    columns: int, more: NDArray[np.float64], places: NDArray[np.int64], kind: RowKind, where: str
+) -> People:
+    """Judge the columns behind the flag or confidence.
+
+    Args:
+        columns: how many there are in every row, 0 where rows differ.
+        more: (N, 3) columns 8 to 10, NaN where there is none or no number.
+        places: (N,) line of each row, for messages.
+        kind: what the rows are; tracks are of people whatever stands there.
+        where: what `places` counts.
+
+    Raises:
+        HeelError: classes that nothing explains, or none of a pedestrian.
+    """
+    everybody = np.ones(len(more), np.bool_)
+    classes = more[:, 0]
+    whole = bool(len(more)) and bool((classes == np.floor(classes)).all())
+    if kind == "tracks" or not whole:
+        return People(everybody, ~everybody)
+    if columns >= 10:
+        if not _is_visdrone(more):
+            return People(everybody, ~everybody)
+        kept = np.isin(classes, _VISDRONE_PEOPLE)
+    elif columns in (8, 9):
+        if (classes == classes[0]).all() and classes[0] in (-1, 0, PEDESTRIAN):
+            return People(everybody, ~everybody)
+        _check_codes(classes, places, where)
+        others = _NOT_SCORED if kind == "ground truth" else ()
+        kept = np.isin(classes, (PEDESTRIAN, *others))
+    else:
+        return People(everybody, ~everybody)
+    if not (kept & (classes == PEDESTRIAN)).any():
+        raise HeelError(
+            f"{where} {places[0]}: class {classes[0]:g} in column 8, and no row is of class "
+            f"{PEDESTRIAN}, a pedestrian: write {PEDESTRIAN} there where these are people"
+        )
+    return People(kept, np.isin(classes, _NOT_SCORED) & (columns < 10))
+
+
+def _check_codes(classes: NDArray[np.float64], places: NDArray[np.int64], where: str) -> None:
+    bad = (classes < PEDESTRIAN) | (classes > _MOST_CLASS)
+    if bad.any():
+        row = int(np.argmax(bad))
+        found = ", ".join(f"{value:g}" for value in np.unique(classes)[:8])
+        raise HeelError(
+            f"{where} {places[row]}: class {classes[row]:g} in column 8 (there are {found}) is "
+            f"none of MOTChallenge's, 1 to {_MOST_CLASS} with {PEDESTRIAN} for a pedestrian: keep "
+            f"the rows of people and write {PEDESTRIAN} there"
+        )
+
+
+def _is_visdrone(more: NDArray[np.float64]) -> bool:
+    """VisDrone's ten columns: category 0 to 11, truncation 0 or 1, occlusion 0 to 2."""
+    if not (np.isfinite(more).all() and (more == np.floor(more)).all() and (more >= 0).all()):
+        return False
+    category, truncation, occlusion = more.max(axis=0)
+    return bool(0 < category <= _VISDRONE_MOST and truncation <= 1 and occlusion <= 2)
