@@ -12,7 +12,7 @@ from contextlib import ExitStack
 
 from pydantic import ValidationError
 
-from schemas import DriveState, EndOfStream, EStop, MotionCommand, Odometry, keys
+from schemas import DriveState, EndOfStream, EStop, MessageError, MotionCommand, Odometry, keys
 from services.drive.core import Drive
 from services.drive.drivers import OdometryReading, open_driver
 from services.drive.settings import DriveServiceSettings
@@ -46,6 +46,7 @@ class DriveService:
         self._ended_s: float | None = None
         self._odometry_seq = 0
         self._out = context.publisher(keys.ROBOT_DRIVE, qos.DRIVE)
+        context.watch_for_twin(keys.ROBOT_DRIVE, resources)
         self._odometry = context.publisher(keys.ROBOT_ODOMETRY, qos.ODOMETRY)
         self._stop = StopKeeper(context, resources, self._drive.set_estop)
         self._state: DriveState | None = None
@@ -168,7 +169,15 @@ class DriveService:
 
     def _end(self, arrival: Arrival) -> bool:
         """Stop at once; whether the drive is to end shows when no command follows."""
-        if self._commands.end(arrival) is None:
+        end = self._commands.end(arrival)
+        if end is None:
+            return False
+        frame = None if self._newest is None else self._newest.message.frame
+        if frame is not None and (end.epoch != frame.epoch or end.frames <= frame.seq):
+            self._commands.refuse(arrival, MessageError(
+                f"end: of epoch {end.epoch} after {end.frames} frames, but commands rest on frame "
+                f"{frame.seq} of epoch {frame.epoch}: send it behind the last command"
+            ))  # fmt: skip
             return False
         self._drive.end()
         self._ended_s = arrival.arrived_s

@@ -94,6 +94,7 @@ class FollowerService:
             )
         self._note = self._target_file()
         self._out = context.publisher(keys.FOLLOW_COMMAND, qos.COMMAND)
+        context.watch_for_twin(keys.FOLLOW_COMMAND, resources)
         self._state = resources.enter_context(
             Latched(session, keys.FOLLOW_STATE, qos.STATE.for_delivery(context.settings.delivery))
         )

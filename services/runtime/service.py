@@ -44,6 +44,7 @@ from services.runtime.session import (
 from services.runtime.settings import Loaded, ServiceSettings
 from services.runtime.shared_memory import SharedMemoryWatch
 from services.runtime.streams import StreamJudge
+from services.runtime.twins import TwinWatch
 
 EXIT_DEADLINE_S = 1.7
 """Longest time from a signal to the end of the process, however stuck it is."""
@@ -141,6 +142,10 @@ class ServiceContext(Generic[S]):
         messages yet lost them (1 run of 6 on a busy machine).
         """
         self.stop.wait(LINGER_S)
+
+    def watch_for_twin(self, key: str, resources: ExitStack) -> None:
+        """Say in health if somebody else sends on a key that is this service's own."""
+        TwinWatch(self.session, key, self.producer, self.statistics, self.log, resources)
 
     def publisher(self, key: str, qos: TopicQos) -> StreamPublisher:
         """Send a stream in this service's delivery mode."""
