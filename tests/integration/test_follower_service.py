@@ -12,11 +12,13 @@ import zenoh
 
 from schemas import (
     FollowState,
+    Health,
     Message,
     Odometry,
     Pointed,
     Ranges,
     Stamp,
+    Taken,
     Target,
     TargetRequest,
     Track,
@@ -26,6 +28,7 @@ from schemas import (
 )
 from schemas.codec import decode
 from schemas.robot import RangeSector
+from services.runtime.clock import monotonic_clock
 from tests.support import network
 from tests.support.processes import running
 from tests.unit.follower.people import TRACKER, person, tracks
@@ -42,10 +45,13 @@ class Robot:
         self.session = resources.enter_context(network.client(endpoint))
         self._resources = resources
         self.states: list[FollowState] = []
+        self.health: Health | None = None
         self.seq = 0
         self.people: tuple[Track, ...] = (person(1, height=60.0),)
         subscriber = self.session.declare_subscriber(keys.FOLLOW_STATE, self._note)
         resources.callback(subscriber.undeclare)
+        health = self.session.declare_subscriber(keys.health("follower", "main"), self._hear)
+        resources.callback(health.undeclare)
         self.start()
 
     def start(self) -> None:
@@ -60,6 +66,20 @@ class Robot:
             decode(FollowState, sample.payload.to_bytes(), str(sample.encoding))
         )  # fmt: skip
 
+    def _hear(self, sample: zenoh.Sample) -> None:
+        self.health = decode(Health, sample.payload.to_bytes(), str(sample.encoding))
+
+    def says(self, words: str) -> bool:
+        """Whether health is degraded for that reason."""
+        health = self.health
+        return health is not None and health.state == "degraded" and words in health.reason
+
+    def follow(self) -> FollowState:
+        """Choose the one person and wait until the robot drives."""
+        self.until("a first state", lambda state: state.state == "idle")
+        self.choose(TargetRequest(mode="id", track_id=1))
+        return self.until("driving", lambda state: state.linear_mps > 0.5)
+
     def put(self, key: str, message: Message, stamped: bool = True) -> None:
         stamp = Stamp(producer=TRACKER, t_sent_ns=time.time_ns(), age_ns=0)
         self.session.put(
@@ -68,14 +88,18 @@ class Robot:
         )  # fmt: skip
 
     def until(
-        self, what: str, condition: Callable[[FollowState], bool], *beside: tuple[str, Message]
+        self,
+        what: str,
+        condition: Callable[[FollowState], bool],
+        *beside: tuple[str, Message | Callable[[], Message]],
     ) -> FollowState:
         """Send good tracks, and more, until a state like that is told."""
 
         def told() -> bool:
             self.seq += 1
-            self.put(keys.tracks("front"), self._picture())
-            for key, message in beside:
+            self.put(keys.tracks("front"), self.picture())
+            for key, given in beside:
+                message = given if isinstance(given, Message) else given()
                 self.put(key, message.model_copy(update={"seq": self.seq}))
             time.sleep(_PERIOD_S)
             return bool(self.states) and condition(self.states[-1])
@@ -83,7 +107,7 @@ class Robot:
         network.wait_until(told, what)
         return self.states[-1]
 
-    def _picture(self) -> Tracks:
+    def picture(self) -> Tracks:
         """A picture that stood still while the robot drives would be a frozen one."""
         shift_px = 5.0 * (self.seq % 4)
         people = []
@@ -177,3 +201,70 @@ def test_a_follower_that_restarts_keeps_its_target(robot: Robot, number: signal.
         "kept over a restart of the follower",
     )
     assert "acquiring" in {state.state for state in robot.states}
+
+
+def beacon(age_s: float) -> Callable[[], Taken]:
+    """What a camera of this host says of a frame that it took so long ago."""
+    return lambda: Taken(
+        stream="front", epoch=1, seq=0, clock=monotonic_clock(),
+        monotonic_ns=time.monotonic_ns() - round(age_s * 1e9),
+    )  # fmt: skip
+
+
+def test_time_that_frames_spent_on_links_stops_the_robot(robot: Robot) -> None:
+    robot.follow()
+    late = robot.until(
+        "old frames", lambda state: (state.tracks_age_s or 0.0) > 0.7,
+        (keys.taken("front"), beacon(0.8)),
+    )  # fmt: skip
+    assert (late.state, late.linear_mps, late.angular_radps) == ("lost", 0.0, 0.0)
+    assert late.reason == "tracks are older than 0.22 s"
+    robot.until("driving again", lambda state: state.linear_mps > 0.5,
+                (keys.taken("front"), beacon(0.02)))  # fmt: skip
+    network.wait_until(
+        lambda: robot.health is not None and robot.health.details.get("ages") == "from acquisition",
+        "the health that says how ages are bounded",
+    )
+
+
+def test_a_frozen_frame_under_other_epochs_does_not_keep_the_robot_moving(robot: Robot) -> None:
+    robot.follow()
+    frozen = robot.picture()
+    ends_s = time.monotonic() + 1.5
+    while time.monotonic() < ends_s:
+        for epoch in (2, 1, time.monotonic_ns()):
+            robot.put(keys.tracks("front"), frozen.model_copy(update={"epoch": epoch}))
+            time.sleep(_PERIOD_S)
+    assert robot.states[-1].reason == "tracks are older than 0.22 s"
+    assert robot.says("every message is refused")
+    robot.until("driving again", lambda state: state.linear_mps > 0.5)
+    # Nor does one frame from the end of all numbers keep out the true ones.
+    robot.put(keys.tracks("front"), frozen.model_copy(update={"seq": 2**63 - 1}))
+    told = len(robot.states)
+    robot.until("more states", lambda _: len(robot.states) > told + 5)
+    assert robot.states[-1].state == "following"
+
+
+def test_ranges_that_cannot_be_read_stop_the_robot_from_the_first_on(robot: Robot) -> None:
+    robot.follow()
+
+    def garbage() -> None:
+        robot.session.put(keys.ROBOT_RANGE, b"\xc1", encoding=Ranges.encoding())
+
+    def stands(state: FollowState) -> bool:
+        garbage()
+        return state.state == "stopped"
+
+    stopped = robot.until("a stop", stands)
+    assert stopped.reason.startswith("ranges cannot be read: stamp: not msgpack")
+    robot.until("health", lambda state: stands(state) and robot.says("ranges cannot be read"))
+    robot.until("driving again", lambda state: state.linear_mps > 0.5)
+
+
+def test_another_lens_in_the_middle_is_not_believed(robot: Robot) -> None:
+    robot.put(keys.info("front"), INFO, stamped=False)
+    plain = robot.follow()
+    narrow = INFO.model_copy(update={"horizontal_fov_rad": 0.2})
+    robot.put(keys.info("front"), narrow, stamped=False)
+    robot.until("health", lambda _: robot.says("two descriptions"))
+    assert robot.states[-1].distance_m == pytest.approx(plain.distance_m, rel=0.2)
