@@ -112,6 +112,13 @@ class Sweeper:
             now_s: monotonic time.
             grace_s: 0 where nobody can be reading any more.
         """
+        try:
+            return self._sweep(now_s, grace_s)
+        except OSError:
+            # A process that is out of descriptors frees nothing for now; it must not end of that.
+            return 0
+
+    def _sweep(self, now_s: float, grace_s: float) -> int:
         freed = 0
         gone = {ledger: _names_of_the_gone(ledger) for ledger in self._folder.glob(_LEDGER)}
         for ledger, names in gone.items():

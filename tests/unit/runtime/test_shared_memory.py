@@ -159,3 +159,13 @@ def test_a_full_shared_memory_is_a_problem_that_names_it(monkeypatch: pytest.Mon
 
 def test_a_machine_without_shared_memory_has_no_share_of_it(tmp_path: Path) -> None:
     assert full_share(tmp_path / "none") is None
+
+
+def test_a_process_that_is_out_of_descriptors_sweeps_nothing_and_lives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(Path, "glob", full)
+    assert Sweeper(tmp_path).sweep(0.0) == 0
