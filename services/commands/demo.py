@@ -105,9 +105,10 @@ def _play_world(
     # Imported here, in the guarded process: see `guarded`.
     from services.run.checks import check_settings
     from services.run.world import WorldOptions, WorldRun
+    from services.runtime.logs import set_up_command_logging
     from services.runtime.service import stop_signals
 
-    logging.basicConfig(format="heel: %(message)s", level=logging.WARNING)
+    set_up_command_logging()
     duration_s = _check_world(scenario, seed)
     check_settings(options)
     world = WorldOptions(

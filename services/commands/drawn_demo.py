@@ -23,9 +23,10 @@ def play_scene(options: RunOptions, kept: bool) -> None:
     from services.run.checks import check_options
     from services.run.distributed import DistributedRun
     from services.run.report import print_summary
+    from services.runtime.logs import set_up_command_logging
     from services.runtime.service import stop_signals
 
-    logging.basicConfig(format="heel: %(message)s", level=logging.WARNING)
+    set_up_command_logging()
     check_options(options)
     with stop_signals(PARENT_EXIT_S) as stopping:
         summary = DistributedRun(options, stopping, logging.getLogger("heel.demo")).run()

@@ -94,9 +94,10 @@ def _work(options: RunOptions, in_process: bool) -> None:
     from services.run.distributed import DistributedRun
     from services.run.in_process import run_in_process
     from services.run.report import print_summary
+    from services.runtime.logs import set_up_command_logging
     from services.runtime.service import stop_signals
 
-    logging.basicConfig(format="heel: %(message)s", level=logging.WARNING)
+    set_up_command_logging()
     with stop_signals(PARENT_EXIT_S) as stopping:
         if in_process:
             summary = run_in_process(options, stopping)

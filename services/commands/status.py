@@ -31,7 +31,7 @@ from services.commands.robot import (
     find,
     session_with,
 )
-from services.runtime.chain import MISSING, ChainWatch, Part, PartState, Problem, describe
+from services.runtime.chain import MISSING, ChainWatch, Part, PartState, Problem, describe, page_of
 from services.runtime.logs import printable
 
 if TYPE_CHECKING:
@@ -66,8 +66,8 @@ class _Heard:
     @property
     def page(self) -> str | None:
         """Where the live page is, if one is served."""
-        urls = [part.health.details.get("url") for part in self.watch.parts.values()]
-        return next((printable(url, 200) for url in urls if url), None)
+        urls = [page_of(part.health) for part in self.watch.parts.values()]
+        return next((url for url in urls if url), None)
 
     @property
     def people(self) -> list[dict[str, Any]]:

@@ -30,6 +30,7 @@ from services.run.outputs import RunOutputs
 from services.run.silence import HUNG_S, Silences
 from services.run.summary import RunSummary
 from services.runtime import qos
+from services.runtime.chain import page_of
 from services.runtime.counters import ServiceStatistics
 from services.runtime.inbox import Arrival, Inbox
 from services.runtime.logs import OncePerSecond
@@ -125,7 +126,7 @@ class Collector:
             self._summary.malformed[health.service] = health.malformed
             self._summary.cpu_s[health.service] = health.cpu_s
             self._summary.peak_rss_mb[health.service] = health.peak_rss_mb
-            self._page(health.details.get("url"))
+            self._page(page_of(health))
         elif arrival.topic == "info":
             self.info = decode(CameraInfo, arrival.payload, arrival.encoding)
         else:

@@ -34,6 +34,7 @@ from services.run.onlooker import Onlooker
 from services.run.presence import await_present
 from services.run.silence import HUNG_S, Silences
 from services.runtime import qos
+from services.runtime.chain import page_of
 from services.runtime.inbox import Arrival, Inbox
 from services.runtime.logs import OncePerSecond
 from services.runtime.registry import Registration, registered
@@ -221,7 +222,7 @@ class WorldRun:
         elif arrival.topic == "health":
             health = decode(Health, payload, encoding)
             self._silences.heard(health.service, arrival.arrived_s)
-            self._tell_page(health.details.get("url"))
+            self._tell_page(page_of(health))
         elif encoding != EndOfStream.encoding():
             # The end is told by the simulator's process, which is ours, and by no message.
             self._tally.tracks(decode(Tracks, payload, encoding))

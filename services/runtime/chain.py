@@ -6,6 +6,7 @@ connection breaks, but stays while it hangs; health comes four times a second fr
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -219,6 +220,18 @@ class ChainWatch:
             key=lambda part: (_place(part.health.service), part.health.instance, part.first_s),
         )
         return [(part, self.state(part, now_s)) for part in listed]
+
+
+_PAGE = re.compile(r"http://[a-zA-Z0-9.:\[\]-]{1,80}:[0-9]{1,5}/")
+
+
+def page_of(health: Health) -> str | None:
+    """The address at which a web service says that its page is; None of anybody else.
+
+    People open it in a browser: what does not look like one of Heel's pages is not passed on.
+    """
+    url = health.details.get("url", "")
+    return url if health.service == "web" and _PAGE.fullmatch(url) else None
 
 
 def describe(problems: Iterable[Problem]) -> list[dict[str, Any]]:

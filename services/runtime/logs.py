@@ -41,8 +41,8 @@ def printable(text: str, longest: int = LONGEST_TEXT) -> str:
 class TextLines(logging.Formatter):
     """One line a record for people; a traceback follows indented, so that it is no line itself."""
 
-    def __init__(self) -> None:
-        super().__init__("%(asctime)s %(levelname)-7s %(name)s: %(message)s", "%H:%M:%S")
+    def __init__(self, line: str = "%(asctime)s %(levelname)-7s %(name)s: %(message)s") -> None:
+        super().__init__(line, "%H:%M:%S")
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802
         """Render the one line."""
@@ -123,6 +123,14 @@ def set_up_logging(
     root.setLevel(settings.level.upper())
     logging.getLogger("asyncio").setLevel(logging.WARNING)
     return logging.getLogger(f"heel.{service}")
+
+
+def set_up_command_logging() -> None:
+    """Send warnings of every logger to standard error, as a command speaks to a person."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.addFilter(FloodGuard())
+    handler.setFormatter(TextLines("heel: %(message)s"))
+    logging.basicConfig(handlers=[handler], level=logging.WARNING)
 
 
 class OncePerSecond:

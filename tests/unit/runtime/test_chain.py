@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from schemas import Health
-from services.runtime.chain import CHAIN, MAX_PARTS, ChainWatch
+from services.runtime.chain import CHAIN, MAX_PARTS, ChainWatch, page_of
 
 BEAT_S = 0.25
 
@@ -180,3 +180,12 @@ def test_a_sender_without_a_period_of_its_own_is_given_three_seconds() -> None:
         watch.hear(health("tracker", period_s=1.0), float(second))
     assert words(watch, 6.5) == []
     assert words(watch, 7.5) == ["tracker: silent for 4 s"]
+
+
+def test_only_a_web_service_says_where_a_page_is_and_only_such_an_address() -> None:
+    ours = health("web", details={"url": "http://127.0.0.1:8470/"})
+    assert page_of(ours) == "http://127.0.0.1:8470/"
+    assert page_of(health("web", details={"url": "http://[::1]:8470/"})) == "http://[::1]:8470/"
+    for url in ("file:///etc/passwd", "javascript:alert(1)", "http://evil/x", "\x1b[2J", ""):
+        assert page_of(health("web", details={"url": url})) is None
+    assert page_of(health("drive", details={"url": "http://127.0.0.1:8470/"})) is None
