@@ -61,12 +61,13 @@ def _beside(
 
 
 def _frozen(rig: Rig) -> None:
-    rig.start_client("viewer", "viewer", relayed=True)
+    # Not behind a relay, which takes what the viewer does not.
+    rig.start_client("viewer", "viewer")
     rig.signal("viewer", signal.SIGSTOP)
 
 
 def _thaw(rig: Rig) -> None:
-    rig.signal("viewer", signal.SIGCONT)
+    rig.end_client("viewer")
 
 
 def _gone(rig: Rig) -> None:
