@@ -164,6 +164,7 @@ class Rig:
         Raises:
             HeelError: somebody goes on holding it.
         """
+        self.await_alive("drive", "follower")
         deadline_s = time.monotonic() + _READY_S
         while held := self._held():
             for name in {one.id for one in held}:

@@ -23,7 +23,7 @@ from services.runtime.process import (
     may_lock_memory,
     use_all_file_descriptors,
 )
-from services.runtime.qos import ROUTER_RULES, ROUTER_WAIT_BEFORE_CLOSE_US
+from services.runtime.qos import ROUTER_QUEUES, ROUTER_RULES, ROUTER_WAIT_BEFORE_CLOSE_US
 from services.runtime.router_log import ZENOH_FILTER, RouterLog, reading_output, standard_error
 from services.runtime.service import stop_signals
 from services.runtime.session import (
@@ -113,6 +113,10 @@ def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Con
                 (
                     "transport/link/tx/queue/congestion_control/block/wait_before_close",
                     ROUTER_WAIT_BEFORE_CLOSE_US,
+                ),
+                *(
+                    (f"transport/link/tx/queue/size/{priority}", batches)
+                    for priority, batches in ROUTER_QUEUES.items()
                 ),
             ]
         for path, value in entries:
