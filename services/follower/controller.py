@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from services.follower.clearance import Room, speed_to_stop_within_mps
 from services.follower.limits import LimitedVelocity
 from services.follower.settings import FollowerSettings
+from services.follower.swing import Swing
 
 _BRAKING_SHARE = 0.7
 """Of the braking limit that is planned with; the rest is for jerk and for what was not foreseen."""
@@ -60,8 +61,15 @@ class VelocityController:
         self._angular = LimitedVelocity(
             s.max_angular_radps2, s.max_angular_radps2, s.max_angular_radps3
         )
+        self._swing = Swing()
+        self._time_s = 0.0
         self.speed_reason = ""
         """What bounds the speed that was told last; empty while nothing moves."""
+
+    @property
+    def swings(self) -> bool:
+        """Whether the robot has been turning to and fro, and turns more gently for it."""
+        return self._swing.swings
 
     @property
     def linear_mps(self) -> float:
@@ -91,7 +99,10 @@ class VelocityController:
         if not seen and wished > max(self.linear_mps, 0.0):
             wished, why = max(self.linear_mps, 0.0), "no faster after somebody out of sight"
         linear = self._forward(wished, why, room, dt_s)
-        angular = self._turn(self._wished_angular(goal, linear, sidestep_rad), dt_s)
+        wished_radps = self._swing.share * self._wished_angular(goal, linear, sidestep_rad)
+        angular = self._turn(wished_radps, dt_s)
+        self._time_s += dt_s
+        self._swing.told(self._time_s, angular)
         return linear, angular
 
     def brake_and_turn(self, angular_radps: float, dt_s: float) -> tuple[float, float]:

@@ -185,6 +185,16 @@ class Follower:
         return self._freshness.cause
 
     @property
+    def swings(self) -> str | None:
+        """That the robot has been turning to and fro before somebody, and what helps; else None."""
+        if not self._controller.swings:
+            return None
+        return (
+            "the robot swings: it turns later than robot_delay_s says "
+            f"({self.settings.robot_delay_s:g} s): measure that, or publish robot/odometry"
+        )
+
+    @property
     def pointed(self) -> Pointed | None:
         """What the detector is told: somebody may be where a user pointed. None without a point."""
         tracks, pending = self._tracks, self._choice.pending

@@ -229,6 +229,7 @@ class FollowerService:
             command = self._follower.step(now_s, judged_age_s)
             state = self._follower.state
             self._context.statistics.problem("rate", self._follower.too_slow)
+            self._context.statistics.problem("swing", self._follower.swings)
         if command is None or state is None:
             # Nothing is sent, and the drive stops by itself: sooner told than late.
             command = self._follower.halt("the follower cannot compute a command")

@@ -75,6 +75,29 @@ def test_turning_to_somebody_does_not_swing(latency_s: float, odometry: bool) ->
     assert sum(a * b < 0 for a, b in pairwise(turns)) <= 1
 
 
+@pytest.mark.parametrize("command_s", [0.2, 0.4])
+def test_a_robot_that_is_slower_than_assumed_soon_swings_no_more(command_s: float) -> None:
+    swinging = world({1: stands_aside}, command_s=command_s)
+    samples = swinging.run(25.0)
+    late = [sample for sample in samples if sample.t_s > 15.0]
+    assert max(abs(sample.bearing_rad) for sample in late) < 0.1
+    assert max(abs(sample.command.angular_radps) for sample in late) < 0.3
+
+
+def test_that_it_swings_is_said_and_what_helps() -> None:
+    slow = world({1: stands_aside}, command_s=0.4)
+    slow.run(10.0)
+    assert "measure that, or publish robot/odometry" in (slow.follower.swings or "")
+
+
+@pytest.mark.parametrize("odometry", [False, True])
+@pytest.mark.parametrize("walk", [circle, zigzag])
+def test_who_walks_about_is_not_taken_for_a_swing(walk: Walk, odometry: bool) -> None:
+    made = world({1: walk}, odometry)
+    made.run(30.0)
+    assert made.follower.swings is None
+
+
 @pytest.mark.parametrize("height_m", [1.55, 1.7, 1.9])
 def test_personal_space_is_kept_when_the_person_stops(height_m: float) -> None:
     samples = world({1: straight(to_s=8.0)}, height_m=height_m).run(14.0)
