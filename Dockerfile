@@ -1,8 +1,7 @@
 # One image for every service; the container's command chooses: `heel SERVICE`.
 #
-# Not in it: the packages that score (extra `eval`, TrackEval), 101 MB, and the renderer of the
-# simulated world (extra `sim`), 154 MB, that no robot needs. `heel demo` belongs on a desk: what is
-# missing it names.
+# Not in it: what draws plots (extra `eval`), and the renderer of the simulated world (extra `sim`),
+# 154 MB, that no robot needs. `heel demo` belongs on a desk: what is missing it names.
 FROM python:3.11-slim-bookworm
 
 ENV PYTHONUNBUFFERED=1 \

@@ -22,7 +22,8 @@ $(READY): pyproject.toml constraints.txt
 	$(CHECK_PYTHON)
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) --editable '.[dev]'
-	@# TrackEval's wheel asks for opencv-python, which would overwrite the headless build.
+	@# Scores are tested against TrackEval; its wheel asks for opencv-python, which would overwrite the
+	@# headless build.
 	$(PIP) --no-deps trackeval
 	@touch $@
 
@@ -64,7 +65,7 @@ $(PEERS)/ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(PEERS)
 	$(PEERS_PIP) --editable '.[eval]' defusedxml pydeprecate pyyaml requests tqdm
 	@# Their wheels ask for opencv-python, too; above is what else they import.
-	$(PEERS_PIP) --no-deps trackeval supervision trackers
+	$(PEERS_PIP) --no-deps supervision trackers
 	@touch $@
 
 peers: $(PEERS)/ready  ## score association beside four public trackers and write docs/association.md

@@ -24,7 +24,7 @@ FlagRule = Literal["mot15", "ignore", "all"]
 ``all``: the flag is not looked at; every row is ground truth.
 """
 
-_EPSILON = float(np.finfo(np.float64).eps)  # TrackEval's tolerance at the threshold
+EPSILON = float(np.finfo(np.float64).eps)  # TrackEval's tolerance at the threshold
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,9 +153,9 @@ def best_pairs(
         Row indices and column indices of the pairs, equally long.
     """
     score = iou if preferred is None else iou + 1000.0 * preferred
-    score = np.where(iou < iou_threshold - _EPSILON, 0.0, score)
+    score = np.where(iou < iou_threshold - EPSILON, 0.0, score)
     rows, columns = linear_sum_assignment(-score)
-    matched = score[rows, columns] > _EPSILON
+    matched = score[rows, columns] > EPSILON
     return rows[matched].astype(np.int64), columns[matched].astype(np.int64)
 
 

@@ -75,7 +75,7 @@ def evaluate(
         flags: what ground-truth rows with flag 0 mean (see ``alignment.FlagRule``).
 
     Raises:
-        HeelError: a file is missing or malformed, an option is not valid, or TrackEval is missing.
+        HeelError: a file is missing or malformed, or an option is not valid.
     """
     sequence = load_sequence(gt_path, tracks_path, iou_threshold=iou_threshold, flags=flags)
     return score_sequence(sequence, iou_threshold=iou_threshold)
@@ -103,7 +103,7 @@ def evaluate_rows(
         flags: as in ``evaluate``.
 
     Raises:
-        HeelError: a row or an option is not valid, or TrackEval is missing.
+        HeelError: a row or an option is not valid.
     """
     aligned = align(
         rows_from_array(gt_rows, "ground truth"),
@@ -147,7 +147,7 @@ def score_sequence(sequence: AlignedSequence, *, iou_threshold: float = 0.5) -> 
     """Every score of an aligned sequence.
 
     Raises:
-        HeelError: the threshold is not valid, or TrackEval is missing.
+        HeelError: the threshold is not valid.
     """
     tracking = tracking_scores(sequence, iou_threshold)
     held = retention(sequence, iou_threshold)

@@ -1,30 +1,37 @@
-"""MOTA, MOTP, IDF1 and HOTA, computed by TrackEval's own metric classes.
+"""MOTA, MOTP, IDF1 and HOTA, equal to TrackEval's (a test compares them on drawn and real files).
 
-Only the metric classes of TrackEval are used; files are read and boxes compared here, so that one
-set of rules (flags, threshold, evaluated frames) holds for all of Heel's numbers. py-motmetrics is
-not used because it re-instates any earlier pairing, not only that of the frame before, and so
-counts fewer switches than the MOTChallenge devkit.
+TrackEval itself is not used: its wheel brings an OpenCV with windows that overwrites the one
+without. py-motmetrics is not used because it re-instates any earlier pairing, not only that of the
+frame before, and so counts fewer switches than the MOTChallenge devkit.
 
 Sources: CLEAR MOT, Bernardin & Stiefelhagen, EURASIP JIVP 2008; IDF1, Ristani et al., ECCV-W 2016;
-HOTA, Luiten et al., IJCV 2020; TrackEval 1.3.0, https://github.com/JonathonLuiten/TrackEval.
+HOTA, Luiten et al., IJCV 2020; the rules of TrackEval 1.3.0,
+https://github.com/JonathonLuiten/TrackEval.
 """
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass
-from types import ModuleType
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
-from evaluation.alignment import AlignedSequence, check_iou_threshold
-from schemas.errors import HeelError
+from evaluation.alignment import (
+    EPSILON,
+    AlignedFrame,
+    AlignedSequence,
+    best_pairs,
+    check_iou_threshold,
+)
+
+_ALPHAS = np.arange(0.05, 0.99, 0.05)
+_NOBODY = -1
 
 
 @dataclass(frozen=True, slots=True)
 class TrackingScores:
-    """TrackEval's numbers for one sequence: percent, except the counts.
+    """The numbers of one sequence: percent, except the counts.
 
     Attributes:
         mota: 100 (1 - (FN + FP + IDsw) / boxes); unbounded below.
@@ -47,6 +54,15 @@ class TrackingScores:
     boxes: int
 
 
+@dataclass(frozen=True, slots=True)
+class _Pairing:
+    """Counts of CLEAR MOT, and the sum of the IoU of the matched boxes."""
+
+    matched: int
+    switches: int
+    iou: float
+
+
 def tracking_scores(sequence: AlignedSequence, iou_threshold: float = 0.5) -> TrackingScores:
     """Scores one aligned sequence.
 
@@ -55,48 +71,91 @@ def tracking_scores(sequence: AlignedSequence, iou_threshold: float = 0.5) -> Tr
         iou_threshold: a pair counts as a match from this IoU on, in CLEAR and IDF1.
 
     Raises:
-        HeelError: TrackEval is not installed.
+        HeelError: the threshold is outside (0, 1].
     """
     check_iou_threshold(iou_threshold)
-    metrics = _trackeval_metrics()
-    data = _trackeval_data(sequence)
-    config = {"THRESHOLD": iou_threshold, "PRINT_CONFIG": False}
-    clear = metrics.CLEAR(dict(config)).eval_sequence(data)
-    identity = metrics.Identity(dict(config)).eval_sequence(data)
-    hota = metrics.HOTA().eval_sequence(data)
+    true, shown = _lengths(sequence)
+    boxes, outputs = int(true.sum()), int(shown.sum())
+    pairs = _pair_as_clear(sequence, iou_threshold)
+    fp, fn = outputs - pairs.matched, boxes - pairs.matched
     return TrackingScores(
-        mota=100.0 * float(clear["MOTA"]),
-        motp=100.0 * float(clear["MOTP"]),
-        idf1=100.0 * float(identity["IDF1"]),
-        hota=100.0 * float(np.mean(hota["HOTA"])),
-        idsw=int(clear["IDSW"]),
-        fp=int(clear["CLR_FP"]),
-        fn=int(clear["CLR_FN"]),
-        boxes=int(data["num_gt_dets"]),
+        mota=100.0 * (pairs.matched - fp - pairs.switches) / max(1, boxes),
+        motp=100.0 * pairs.iou / max(1, pairs.matched),
+        idf1=100.0 * 2 * _identity_matches(sequence, iou_threshold) / max(1, boxes + outputs),
+        hota=100.0 * _hota(sequence, true, shown),
+        idsw=pairs.switches,
+        fp=fp,
+        fn=fn,
+        boxes=boxes,
     )
 
 
-def _trackeval_metrics() -> ModuleType:
-    try:
-        return importlib.import_module("trackeval.metrics")
-    except ImportError as error:
-        raise HeelError(
-            f"TrackEval cannot be imported ({error}); run `pip install --no-deps trackeval` and "
-            "`pip install pycocotools tabulate` (without --no-deps it would replace "
-            "opencv-python-headless with opencv-python)"
-        ) from error
+def _lengths(sequence: AlignedSequence) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Boxes of every person and of every output identity."""
+    true = np.zeros(len(sequence.gt_identities), np.int64)
+    shown = np.zeros(len(sequence.track_identities), np.int64)
+    for frame in sequence.frames:
+        true[frame.gt] += 1
+        shown[frame.tracks] += 1
+    return true, shown
 
 
-def _trackeval_data(sequence: AlignedSequence) -> dict[str, Any]:
-    """The dictionary that TrackEval's data-set classes hand to its metrics."""
-    frames = sequence.frames
-    return {
-        "num_timesteps": sequence.frame_count,
-        "num_gt_ids": len(sequence.gt_identities),
-        "num_tracker_ids": len(sequence.track_identities),
-        "num_gt_dets": sum(len(frame.gt) for frame in frames),
-        "num_tracker_dets": sum(len(frame.tracks) for frame in frames),
-        "gt_ids": [frame.gt for frame in frames],
-        "tracker_ids": [frame.tracks for frame in frames],
-        "similarity_scores": [frame.iou for frame in frames],
-    }
+def _pair_as_clear(sequence: AlignedSequence, iou_threshold: float) -> _Pairing:
+    """Pairs frame by frame: that of the frame before first, then the highest total IoU."""
+    before = np.full(len(sequence.gt_identities), _NOBODY)
+    last = before.copy()
+    matched, switches, iou = 0, 0, 0.0
+    for frame in _with_both(sequence):
+        preferred = before[frame.gt][:, None] == frame.tracks[None, :]
+        rows, columns = best_pairs(frame.iou, iou_threshold, preferred)
+        person, track = frame.gt[rows], frame.tracks[columns]
+        switches += int(((last[person] != _NOBODY) & (last[person] != track)).sum())
+        matched += len(rows)
+        iou += float(frame.iou[rows, columns].sum())
+        last[person] = track
+        before[:] = _NOBODY
+        before[person] = track
+    return _Pairing(matched, switches, iou)
+
+
+def _identity_matches(sequence: AlignedSequence, iou_threshold: float) -> int:
+    """Boxes matched under the best fixed pairing of people and output identities."""
+    together = np.zeros((len(sequence.gt_identities), len(sequence.track_identities)))
+    for frame in _with_both(sequence):
+        together[np.ix_(frame.gt, frame.tracks)] += frame.iou >= iou_threshold
+    rows, columns = linear_sum_assignment(together, maximize=True)
+    return int(together[rows, columns].sum())
+
+
+def _hota(
+    sequence: AlignedSequence, true: NDArray[np.int64], shown: NDArray[np.int64]
+) -> float:  # fmt: skip
+    """Mean over the IoU thresholds of the geometric mean of detection and association."""
+    boxes = true[:, None] + shown[None, :]
+    alike = np.zeros(boxes.shape)
+    for frame in _with_both(sequence):
+        alike[np.ix_(frame.gt, frame.tracks)] += _share_of_overlap(frame.iou)
+    alignment = alike / (boxes - alike)
+    matches = np.zeros((len(_ALPHAS), *boxes.shape))
+    for frame in _with_both(sequence):
+        score = alignment[np.ix_(frame.gt, frame.tracks)] * frame.iou
+        rows, columns = linear_sum_assignment(score, maximize=True)
+        enough = frame.iou[rows, columns][None, :] >= _ALPHAS[:, None] - EPSILON
+        matches[:, frame.gt[rows], frame.tracks[columns]] += enough
+    found = matches.sum(axis=(1, 2))
+    association = (matches * (matches / np.maximum(1, boxes - matches))).sum(axis=(1, 2))
+    detection = found / np.maximum(1, true.sum() + shown.sum() - found)
+    return float(np.sqrt(detection * association / np.maximum(1, found)).mean())
+
+
+def _share_of_overlap(iou: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Each pair's IoU over all that its two boxes have in that frame."""
+    total = iou.sum(axis=0)[None, :] + iou.sum(axis=1)[:, None] - iou
+    share: NDArray[np.float64] = np.zeros_like(iou)
+    np.divide(iou, total, out=share, where=total > EPSILON)
+    return share
+
+
+def _with_both(sequence: AlignedSequence) -> list[AlignedFrame]:
+    """Frames with true and output boxes; in others nothing can match, and pairings stay."""
+    return [frame for frame in sequence.frames if len(frame.gt) and len(frame.tracks)]

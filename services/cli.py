@@ -5,6 +5,8 @@ Exit codes: 0 done, 1 failed with a one-line reason, 2 wrong usage.
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
 from services.capture.settings import CaptureSettings
@@ -13,6 +15,7 @@ from services.detector.settings import DetectorServiceSettings
 from services.drive.settings import DriveServiceSettings
 from services.follower.settings import FollowerServiceSettings
 from services.runtime.command_line import later, run_process, settings_command
+from services.runtime.process import software_version
 from services.runtime.router import RouterSettings
 from services.simulator.settings import SimulatorSettings
 from services.tracker.settings import TrackerServiceSettings
@@ -35,7 +38,26 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"heel {software_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _heel(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="print and end"),
+    ] = False,
+) -> None:
+    pass
+
+
 register_tools(app)
 for _name, _model, _summary in _SERVICES:
     _run = later(f"services.{_name}.service")

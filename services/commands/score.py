@@ -34,7 +34,6 @@ def score(
     """Score TRACKS against GT: MOTA, MOTP, IDF1, HOTA, switches, keep%, wrong%, Dice."""
     from rich.console import Console
 
-    from evaluation.plots import write_plots
     from evaluation.report import (
         find_pairs,
         load_sequence,
@@ -48,6 +47,8 @@ def score(
         sequence = load_sequence(truth, output, iou_threshold=iou, flags=flags)
         scores.append(score_sequence(sequence, iou_threshold=iou))
         if plot is not None:
+            from evaluation.plots import write_plots
+
             for path in write_plots(sequence, plot, iou_threshold=iou):
                 typer.echo(f"wrote {path}", err=True)
     if as_json:

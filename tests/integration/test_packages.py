@@ -1,0 +1,169 @@
+"""What is built and installed: the packages hold what they should, and work where they are put."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import tomllib
+import zipfile
+from email.parser import Parser
+from pathlib import Path
+
+import pytest
+
+from services.cli import app
+from services.runtime.process import software_version
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+SCENE = "scene:crossing?frames=30&width=320&height=240"
+PACKAGES = ("schemas", "services", "evaluation")
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("hatchling", reason="hatchling, which builds the packages, is missing")
+    folder = tmp_path_factory.mktemp("built")
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-d", str(folder)], cwd=REPOSITORY,
+        check=True, capture_output=True, timeout=60,
+    )  # fmt: skip
+    return folder
+
+
+def tracked(*folders: str) -> set[str]:
+    """Files of the repository in these folders."""
+    done = subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard", *folders], cwd=REPOSITORY, text=True,
+        capture_output=True, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        pytest.skip("not a git checkout")
+    return {name for name in done.stdout.splitlines() if (REPOSITORY / name).is_file()}
+
+
+def test_the_wheel_holds_the_packages_whole_and_nothing_else(built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+        metadata = next(name for name in names if name.endswith(".dist-info/METADATA"))
+        told = Parser().parsestr(archive.read(metadata).decode())
+    info = metadata.partition("/")[0]
+    assert {name for name in names if not name.startswith(f"{info}/")} == tracked(*PACKAGES)
+    assert f"{info}/licenses/LICENSE" in names
+    assert "services/web/static/app.js" in names
+    wanted = told.get_all("Requires-Dist") or []
+    assert not any("trackeval" in line.lower() for line in wanted)
+    opencv = {line.split(";")[0].split(">")[0] for line in wanted if "opencv" in line}
+    assert opencv == {"opencv-python-headless"}, "the one with windows needs libGL"
+
+
+def test_the_sdist_holds_docs_and_examples_and_no_stray_tests(built: Path) -> None:
+    (sdist,) = built.glob("*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        names = {member.name.partition("/")[2] for member in archive if member.isfile()}
+    added = {"PKG-INFO", "pyproject.toml", ".gitignore"}
+    whole = tracked(*PACKAGES, "docs", "examples", "README.md", "LICENSE", "constraints.txt")
+    assert names - added == whole
+    assert {"constraints.txt", "README.md", "LICENSE", "examples/own_detector.py"} <= names
+
+
+def test_every_extra_is_in_all_and_every_hint_names_what_pip_finds_anywhere() -> None:
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    assert extras["all"] == ["heel-follow[eval,neural,sim]"]
+    assert set(extras) == {"eval", "neural", "sim", "all", "dev"}
+    offered = {line.split(">")[0] for name in ("eval", "neural", "sim") for line in extras[name]}
+    texts = [path.read_text() for name in PACKAGES for path in (REPOSITORY / name).rglob("*.py")]
+    texts += [path.read_text() for path in REPOSITORY.glob("docs/*.md")]
+    texts.append((REPOSITORY / "README.md").read_text())
+    assert not any("pip install 'heel-follow" in text for text in texts), "it is on no index"
+    assert offered == {"matplotlib", "onnx", "panda3d"}
+    for package in offered:
+        assert any(
+            f"pip install {package}" in text or f"--force-reinstall {package}" in text
+            for text in texts
+        ), package
+
+
+@pytest.fixture(scope="module")
+def elsewhere(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel in an environment of its own, which sees the libraries of this one."""
+    folder = tmp_path_factory.mktemp("elsewhere") / "venv"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
+    (wheel,) = built.glob("*.whl")
+    python = folder / "bin" / "python"
+    subprocess.run(
+        [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", "--no-deps",
+         "--no-compile", "--no-index", "--disable-pip-version-check", str(wheel)],
+        check=True, timeout=60,
+    )  # fmt: skip
+    (own,) = folder.glob("lib/python3*/site-packages")
+    libraries = sysconfig.get_path("purelib")
+    (own / "libraries.pth").write_text(f"{libraries}\n")
+    return folder
+
+
+def heel(environment: Path, *arguments: object, folder: Path) -> str:
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    done = subprocess.run(
+        [str(environment / "bin" / "heel"), *map(str, arguments)], cwd=folder, text=True,
+        capture_output=True, timeout=90, check=False, env=clean, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_installed_wheel_runs_and_scores_by_itself(elsewhere: Path, tmp_path: Path) -> None:
+    assert heel(elsewhere, "--version", folder=tmp_path) == f"heel {software_version()}\n"
+    heel(elsewhere, "run", SCENE, "--out", "results", folder=tmp_path)
+    truth = tmp_path / "gt.txt"
+    truth.write_text("1,1,10,20,30,60,1,-1,-1,-1\n2,1,12,20,30,60,1,-1,-1,-1\n")
+    scores = heel(elsewhere, "eval", truth, truth, "--json", folder=tmp_path)
+    assert '"mota":100.0' in scores
+    where = subprocess.run(
+        [str(elsewhere / "bin/python"), "-P", "-c", "import services; print(services.__file__)"],
+        cwd=tmp_path, text=True, capture_output=True, check=True,
+    )  # fmt: skip
+    assert where.stdout.startswith(str(elsewhere)), "not this checkout"
+
+
+DOCUMENTED = (
+    ("run", SCENE, "--out", "results", "--annotate"),
+    ("run", SCENE, "--out", "live", "--live"),
+    ("eval", "gt.txt", "gt.txt", "--plot", "plots"),
+    ("scenarios", "--episodes", "1", "--scenario", "straight", "--out", "episodes"),
+    ("demo", "--scene", "--seconds", "4", "--port", "0"),
+    ("demo", "--seconds", "4", "--port", "0"),
+    ("schema", "state"),
+    ("track-detections", "gt.txt", "--fps", "25", "--out", "tracks.txt"),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_fresh_environment_with_everything_makes_every_command_work(tmp_path: Path) -> None:
+    environment = tmp_path / "venv"
+    subprocess.run([sys.executable, "-m", "venv", str(environment)], check=True)
+    python = str(environment / "bin" / "python")
+    subprocess.run(
+        [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check",
+         f"{REPOSITORY}[all]", "-c", str(REPOSITORY / "constraints.txt")],
+        check=True, timeout=600, cwd=tmp_path,
+    )  # fmt: skip
+    (tmp_path / "gt.txt").write_text(
+        "".join(f"{f},1,{10 + f},20,30,60,1,-1,-1,-1\n" for f in range(1, 20))
+    )
+    for arguments in DOCUMENTED:
+        heel(environment, *arguments, folder=tmp_path)
+    assert (tmp_path / "plots" / "gt-timeline.png").is_file()
+    assert (tmp_path / "results" / "annotated.mp4").is_file()
+    listed = subprocess.run([python, "-m", "pip", "list", "--format", "freeze"], text=True,
+                            capture_output=True, check=True).stdout  # fmt: skip
+    assert "opencv-python-headless==" in listed
+    assert "opencv-python==" not in listed
+    commands = {command.name or "" for command in app.registered_commands}
+    shown = heel(environment, "--help", folder=tmp_path)
+    assert all(name in shown for name in commands)
