@@ -31,7 +31,16 @@ from services.commands.robot import (
     find,
     session_with,
 )
-from services.runtime.chain import MISSING, ChainWatch, Part, PartState, Problem, describe, page_of
+from services.runtime.chain import (
+    CHAIN,
+    MISSING,
+    ChainWatch,
+    Part,
+    PartState,
+    Problem,
+    describe,
+    page_of,
+)
 from services.runtime.logs import printable
 
 if TYPE_CHECKING:
@@ -42,7 +51,6 @@ _LISTEN_S = 1.3
 """Five messages of everybody's health; one of those who send it once a second."""
 _MAX_WAITING = 1024
 _SHM = {True: "yes", False: "no", None: "-"}
-_BAD = ("degraded", "error")
 
 
 @dataclass
@@ -106,8 +114,14 @@ def status(
         typer.echo(json.dumps(_as_json(heard, where, rows, problems), indent=2))
     else:
         _print(heard, where, rows, problems)
-    if problems or any(part.health.state in _BAD for part, state in rows if state == "ok"):
+    if problems or any(_fails(part.health) for part, state in rows if state == "ok"):
         raise typer.Exit(1)
+
+
+def _fails(health: Health) -> bool:
+    """Whether a service that speaks does not do its work; one that merely complains does."""
+    idle = health.rate_out_hz == 0.0 and health.service in CHAIN
+    return health.state == "error" or (health.state == "degraded" and idle)
 
 
 def _listen(session: zenoh.Session) -> _Heard:
