@@ -7,6 +7,9 @@ import numpy as np
 from evaluation.following.log import EpisodeLog
 
 PERSONAL_SPACE_M = 1.0
+_CLOSING_MPS = 0.05
+_SEEN = 0.1
+"""Share of a box that has to be seen of somebody."""
 
 
 def personal_space_compliance(log: EpisodeLog) -> float:
@@ -25,6 +28,21 @@ def minimum_distance_m(log: EpisodeLog) -> float:
     """
     gaps = log.distances_m() - log.people_radius_m - log.robot_radius_m
     return max(0.0, float(gaps.min()))
+
+
+def driven_to_m(log: EpisodeLog) -> float:
+    """How near the robot drove to anybody it could see, from centre to centre, m.
+
+    Only moments count at which its own motion brings it nearer to them: who walks up to a robot
+    that stands is not driven at. If it never drove at anybody, the least distance there was.
+    """
+    offsets = log.people_xy_m - log.robot_xy_m[:, None, :]
+    distances = log.distances_m()
+    heading = np.stack([np.cos(log.robot_heading_rad), np.sin(log.robot_heading_rad)], axis=-1)
+    ahead = (offsets * heading[:, None, :]).sum(axis=2) / np.maximum(distances, 1e-9)
+    closing = log.linear_mps[:, None] * ahead
+    driven = (closing > _CLOSING_MPS) & (log.people_visible > _SEEN)
+    return float(distances[driven].min() if driven.any() else distances.min())
 
 
 def jerk_p95_mps3(log: EpisodeLog) -> float:

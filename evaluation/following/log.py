@@ -38,6 +38,7 @@ class EpisodeLog:
         path_m: (N,) shortest way on the floor from robot to target, m.
         path_from_start_m: (N,) shortest way from where the robot was first to the target now, m.
         visible: (N,) share of the target's box that is to be seen in the picture, 0 to 1.
+        people_visible: (N, P) the same of everybody.
         followed: (N,) index of the person that the robot acts upon, `NOBODY` if upon no one.
         contact: (N,) whether robot and any person touch.
         state: (N,) name of the follower's state.
@@ -56,6 +57,7 @@ class EpisodeLog:
     path_m: Reals
     path_from_start_m: Reals
     visible: Reals
+    people_visible: Reals
     followed: NDArray[np.int64]
     contact: NDArray[np.bool_]
     state: NDArray[np.str_]

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from evaluation.following.attention import longest_loss_s, wrong_person_time
 from evaluation.following.comfort import (
+    driven_to_m,
     jerk_p95_mps3,
     minimum_distance_m,
     personal_space_compliance,
@@ -46,6 +47,9 @@ class FollowingScores(BaseModel):
     min_distance_m: float = Field(
         ge=0, description="least distance to anybody's body in all episodes, m; 0 is contact"
     )
+    driven_to_m: float = Field(
+        ge=0, description="how near it drove to anybody in sight, from centre to centre, m"
+    )
 
 
 class EpisodeScores(BaseModel):
@@ -61,6 +65,7 @@ class EpisodeScores(BaseModel):
     jerk_p95: float = Field(ge=0)
     longest_loss_s: float = Field(ge=0)
     min_distance_m: float = Field(ge=0)
+    driven_to_m: float = Field(ge=0)
 
 
 def score_episode(log: EpisodeLog, max_speed_mps: float) -> EpisodeScores:
@@ -79,6 +84,7 @@ def score_episode(log: EpisodeLog, max_speed_mps: float) -> EpisodeScores:
         jerk_p95=jerk_p95_mps3(log),
         longest_loss_s=longest_loss_s(log),
         min_distance_m=minimum_distance_m(log),
+        driven_to_m=driven_to_m(log),
     )
 
 
@@ -109,6 +115,7 @@ def summarise(episodes: Sequence[EpisodeScores]) -> FollowingScores:
         jerk_p95=_mean([e.jerk_p95 for e in episodes]),
         longest_loss_s=max(e.longest_loss_s for e in episodes),
         min_distance_m=min(e.min_distance_m for e in episodes),
+        driven_to_m=min(e.driven_to_m for e in episodes),
     )
 
 

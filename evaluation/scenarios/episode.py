@@ -11,7 +11,7 @@ from evaluation.following.log import EpisodeLog
 from evaluation.following.scores import score_episode
 from evaluation.scenarios.loop import ClosedLoop
 from evaluation.scenarios.parallel import EpisodeTask
-from evaluation.scenarios.perception import Perception, SimulatedBoxes
+from evaluation.scenarios.perception import EVERYTHING, Perception, Senses, SimulatedBoxes
 from evaluation.scenarios.picture import draw_episode
 from evaluation.scenarios.report import EpisodeResult, Mode
 from schemas.errors import HeelError
@@ -37,6 +37,7 @@ class StackSettings:
     tracker: TrackerSettings
     follower: FollowerSettings
     drive: DriveSettings
+    senses: Senses = EVERYTHING
 
     @property
     def max_speed_mps(self) -> float:
@@ -125,7 +126,7 @@ def _play(world: World, settings: StackSettings, task: EpisodeTask) -> EpisodeLo
     cores = Follower(settings.follower), Drive(settings.drive)
     if settings.mode == "simulated boxes" and not task.video:
         boxes = SimulatedBoxes(world, mount, settings.tracker)
-        return ClosedLoop(world, mount, boxes, *cores).run().log()
+        return ClosedLoop(world, mount, boxes, *cores, senses=settings.senses).run().log()
     # Here and not above: without pictures no extra is needed.
     from evaluation.scenarios.pixels import Camera, Film, RenderedPixels
 
@@ -137,4 +138,4 @@ def _play(world: World, settings: StackSettings, task: EpisodeTask) -> EpisodeLo
         film = None
         if task.video and task.out is not None:
             film = resources.enter_context(Film(camera, task.out / f"{task.name}.mp4", mount.fps))
-        return ClosedLoop(world, mount, perception, *cores, film).run().log()
+        return ClosedLoop(world, mount, perception, *cores, film, settings.senses).run().log()

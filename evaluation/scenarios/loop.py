@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from evaluation.scenarios.perception import STREAM, Perception, camera_info
+from evaluation.scenarios.perception import STREAM, Perception, Senses, camera_info
 from evaluation.scenarios.user import User
 from evaluation.scenarios.witness import Moment, Witness
 from schemas import FrameId, MotionCommand, SimTruth, Target, TargetRequest, Tracks
@@ -48,12 +48,13 @@ class ClosedLoop:
         follower: nobody chosen yet.
         drive: waiting.
         film: gets every picture; None for none.
+        senses: what the robot has besides the camera.
     """
 
     def __init__(
         self, world: World, mount: CameraMount, perception: Perception, follower: Follower,
         drive: Drive,
-        film: Film | None = None,
+        film: Film | None = None, senses: Senses | None = None,
     ) -> None:  # fmt: skip
         self._world = world
         self._mount = mount
@@ -61,17 +62,18 @@ class ClosedLoop:
         self._follower = follower
         self._drive = drive
         self._film = film
+        self._ranges = senses is None or senses.ranges
         self._frame_ms = round(1000 / mount.fps)
         self._witness = Witness(world, mount)
         self._target = [person.role for person in world.people].index("target")
         self._user = User(self._target)
-        self._visible = 0.0
+        self._visible = [0.0] * len(world.people)
         self._sightings: deque[_Sighting] = deque()
         self._newest: _Sighting | None = None
         self._command: MotionCommand | None = None
         self._speed = (0.0, 0.0)
         self._frames = self._controls = 0
-        follower.set_camera(camera_info(mount))
+        follower.set_camera(camera_info(mount, senses is None or senses.calibrated))
 
     def run(self) -> Witness:
         """Go on until the scenario is over or the robot touches somebody."""
@@ -97,7 +99,7 @@ class ClosedLoop:
         )  # fmt: skip
         truth = self._world.truth(self._frames, self._mount)
         tracks = self._perception.see(frame)
-        self._visible = truth.people[self._target].visible
+        self._visible = [person.visible for person in truth.people]
         self._sightings.append(
             _Sighting(now_ms + TRACKS_AGE_MS, now_ms, tracks, truth,
                       self._witness.people_of(truth, tracks))
@@ -122,7 +124,7 @@ class ClosedLoop:
     def _observe(self, now_ms: int) -> None:
         now_s = now_ms / 1000
         self._follower.observe_odometry(self._world.odometry(self._controls), now_s)
-        if now_ms % RANGES_MS == 0:
+        if self._ranges and now_ms % RANGES_MS == 0:
             self._follower.observe_ranges(self._world.ranges(self._controls), now_s)
         while self._sightings and self._sightings[0].due_ms <= now_ms:
             newest = self._newest = self._sightings.popleft()

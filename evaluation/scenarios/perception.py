@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 from schemas import CameraInfo, FrameId, Pointed, Tracks
@@ -12,6 +13,28 @@ from services.tracker.core import configured
 from services.tracker.settings import TrackerSettings
 
 STREAM = "front"
+
+
+@dataclass(frozen=True, slots=True)
+class Senses:
+    """What the robot has besides a camera.
+
+    Attributes:
+        ranges: a ring of range sensors.
+        calibrated: mounting height and pitch of the camera are known.
+    """
+
+    ranges: bool = True
+    calibrated: bool = True
+
+    def __str__(self) -> str:
+        return (
+            f"{'with' if self.ranges else 'without'} ranges, "
+            f"{'calibrated' if self.calibrated else 'not calibrated'}"
+        )
+
+
+EVERYTHING = Senses()
 
 
 class Perception(Protocol):
@@ -40,7 +63,7 @@ class SimulatedBoxes:
         """Simulated boxes do not depend on it."""
 
 
-def camera_info(mount: CameraMount) -> CameraInfo:
+def camera_info(mount: CameraMount, calibrated: bool = True) -> CameraInfo:
     """What the simulated camera says of itself."""
     return CameraInfo(
         stream=STREAM,
@@ -52,6 +75,6 @@ def camera_info(mount: CameraMount) -> CameraInfo:
         fps=mount.fps,
         source="simulated world",
         horizontal_fov_rad=mount.horizontal_fov_rad,
-        mount_height_m=mount.height_m,
-        mount_pitch_rad=mount.pitch_rad,
+        mount_height_m=mount.height_m if calibrated else None,
+        mount_pitch_rad=mount.pitch_rad if calibrated else None,
     )

@@ -12,6 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from evaluation.following.scores import EpisodeScores, FollowingScores, summarise
+from evaluation.scenarios.perception import EVERYTHING, Senses
 from schemas.errors import HeelError
 
 Mode = Literal["pixels", "simulated boxes"]
@@ -37,6 +38,8 @@ class ScenarioReport(BaseModel):
     seed: int = Field(ge=0, description="of the first world of each scenario; others count up")
     mode: Mode = Field(description="simulated boxes: without detector, never the full stack")
     through: Through = Field(description="cores on a simulated clock, or processes in real time")
+    ranges: bool = Field(description="whether the robot has range sensors")
+    calibrated: bool = Field(description="whether the camera's mounting is known")
     real_time_factor: float = Field(gt=0, description="simulated seconds per second of the run")
     overall: FollowingScores
     scenarios: dict[str, FollowingScores] = Field(description="by name")
@@ -48,6 +51,7 @@ def make_report(
     mode: Mode,
     wall_s: float,
     through: Through = "cores",
+    senses: Senses = EVERYTHING,
 ) -> ScenarioReport:
     """Sum up what was run.
 
@@ -63,6 +67,8 @@ def make_report(
         seed=seed,
         mode=mode,
         through=through,
+        ranges=senses.ranges,
+        calibrated=senses.calibrated,
         real_time_factor=sum(result.scores.duration_s for result in results) / wall_s,
         overall=overall,
         scenarios={name: summarise(scores) for name, scores in by_scenario.items()},
@@ -117,7 +123,9 @@ def _cells(scores: FollowingScores) -> list[str]:
 
 
 def _caption(report: ScenarioReport) -> str:
+    senses = Senses(report.ranges, report.calibrated)
+    but = "" if senses == EVERYTHING else f", {senses}"
     return (
-        f"{report.mode}, through {report.through}: {report.episodes} episodes from seed "
+        f"{report.mode}, through {report.through}{but}: {report.episodes} episodes from seed "
         f"{report.seed}, {report.real_time_factor:.1f} times real time"
     )

@@ -28,18 +28,18 @@ class Moment:
     Attributes:
         robot: x, y (m), heading (rad), linear (m/s) and angular velocity (rad/s).
         people_m: x, y of everybody.
-        visible: share of the target's box that was to be seen in the newest picture.
+        visible: share of everybody's box that was to be seen in the newest picture.
         contact: whether the robot has touched anybody by now.
     """
 
     t_s: float
     robot: tuple[float, float, float, float, float]
     people_m: list[tuple[float, float]]
-    visible: float
+    visible: list[float]
     contact: bool
 
     @classmethod
-    def of_world(cls, world: World, visible: float) -> Moment:
+    def of_world(cls, world: World, visible: list[float]) -> Moment:
         """A world now."""
         robot = world.robot
         return cls(
@@ -58,7 +58,7 @@ class Moment:
             truth.t_s,
             (robot.x_m, robot.y_m, robot.heading_rad, truth.linear_mps, truth.angular_radps),
             [(person.pose.x_m, person.pose.y_m) for person in truth.people],
-            next(person.visible for person in truth.people if person.role == "target"),
+            [person.visible for person in truth.people],
             truth.contact > 0,
         )
 
@@ -115,6 +115,7 @@ class Witness:
         """Everything that was written down."""
         robot = np.array([moment.robot for moment in self._moments])
         people = np.array([moment.people_m for moment in self._moments])
+        visible = np.array([moment.visible for moment in self._moments])
         target = people[:, self._target]
         floor = Floor(self._world.scenery.obstacles)
         return EpisodeLog(
@@ -130,7 +131,8 @@ class Witness:
             people_xy_m=people,
             path_m=floor.path_m(robot[:, :2], target),
             path_from_start_m=floor.path_m(np.broadcast_to(robot[0, :2], target.shape), target),
-            visible=np.array([moment.visible for moment in self._moments]),
+            visible=visible[:, self._target],
+            people_visible=visible,
             followed=np.array(self._followed),
             contact=np.array([moment.contact for moment in self._moments]),
             state=np.array(self._states),

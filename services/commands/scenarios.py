@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -48,6 +49,21 @@ _ModelClass = Annotated[
     int | None,
     typer.Option(help="its class that is a person, where the file names none", metavar="N"),
 ]
+_Postures = Annotated[
+    bool,
+    typer.Option(
+        "--postures",
+        help="people who bend, sit, crouch or fall, children, a wheelchair, a table, instead of "
+        "upright adults",
+    ),
+]
+_Ranges = Annotated[
+    bool, typer.Option("--ranges/--no-ranges", help="whether the robot has range sensors")
+]
+_Calibrated = Annotated[
+    bool,
+    typer.Option("--calibrated/--uncalibrated", help="whether the camera's mounting is known"),
+]
 _Processes = Annotated[
     bool,
     typer.Option(
@@ -71,13 +87,18 @@ def scenarios(
     episodes: _Episodes = 42, seed: _Seed = 0, jobs: _Jobs = None, scenario: _Scenario = None,
     boxes: _Boxes = True, detector: _Detector = None, model: _Model = None,
     model_class: _ModelClass = None, processes: _Processes = False, as_json: _Json = False,
-    out: _Out = None, video: _Video = False, config: _Config = None,
+    out: _Out = None, video: _Video = False, config: _Config = None, postures: _Postures = False,
+    ranges: _Ranges = True, calibrated: _Calibrated = True,
 ) -> None:  # fmt: skip
     """Follow people through simulated scenarios, and score it."""
     from evaluation.scenarios.parallel import spread
+    from services.simulator.posture_scenarios import POSTURES
     from services.simulator.scenarios import SCENARIOS
 
-    names = scenario or list(SCENARIOS)
+    names = scenario or list(POSTURES if postures else SCENARIOS)
+    if processes and not (ranges and calibrated):
+        raise SettingsError("--processes has ranges and a calibration: leave out --no-ranges and "
+                            "--uncalibrated")  # fmt: skip
     _check(names, boxes, processes, video, out)
     if boxes and (detector is not None or model is not None):
         raise SettingsError("--detector and --model look at pixels, and the people here are the "
@@ -89,16 +110,20 @@ def scenarios(
 
         raise typer.Exit(guarded(lambda: _run_processes(tasks, seed, config, as_json, out)))
     from evaluation.scenarios.episode import load_stack
+    from evaluation.scenarios.perception import Senses
 
     stack = load_stack(mode, config, detector, model, model_class)
+    stack = replace(stack, senses=Senses(ranges, calibrated))
     _run_cores(tasks, seed, stack, jobs, as_json, out)
 
 
 def _check(names: list[str], boxes: bool, processes: bool, video: bool, out: Path | None) -> None:
+    from services.simulator.posture_scenarios import POSTURES
     from services.simulator.scenarios import SCENARIOS
 
-    if unknown := [name for name in names if name not in SCENARIOS]:
-        raise SettingsError(f"no scenario {unknown[0]!r}: choose of {', '.join(SCENARIOS)}")
+    known = SCENARIOS | POSTURES
+    if unknown := [name for name in names if name not in known]:
+        raise SettingsError(f"no scenario {unknown[0]!r}: choose of {', '.join(known)}")
     if video and out is None:
         raise SettingsError("--video writes its films into a folder: give --out DIR, too")
     if processes and (video or not boxes):
@@ -114,7 +139,8 @@ def _run_cores(
     from evaluation.scenarios.report import make_report
 
     results, wall_s = _run_all(partial(run_episode, stack), tasks, jobs or os.cpu_count() or 1)
-    _tell(make_report(results, seed, stack.mode, wall_s), results, as_json, out)
+    report = make_report(results, seed, stack.mode, wall_s, senses=stack.senses)
+    _tell(report, results, as_json, out)
 
 
 def _run_processes(

@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from services.simulator.postures import CHANGE_PER_S, FALL_PER_S, SHAPES
 from services.simulator.script import Actor
 from services.simulator.solids import Solids
 from services.simulator.state import RobotState
@@ -29,6 +30,8 @@ _MAX_MPS2 = 2.5
 _HURRY = 1.4
 _TURN_RADPS = 3.5
 _ROBOT_GAP_M = 0.05
+_ON_THEIR_FEET = 0.95
+"""Share of the height of walking from which on whoever gets up walks."""
 _STRIDE_PER_HEIGHT = 0.8
 """Length of a double step over stature; 1.4 m at 1.75 m."""
 
@@ -41,6 +44,7 @@ class Crowd:
         velocity: (N, 2) metres per second.
         heading_rad: (N,).
         stride_rad: (N,) phase of the walking cycle, 2 pi a double step.
+        shape: (N, 2) upper end and width now, as shares of the stature.
     """
 
     def __init__(self, people: tuple[Actor, ...], solids: Solids) -> None:
@@ -55,10 +59,15 @@ class Crowd:
         self.velocity: Array = np.zeros_like(self.place)
         self.heading_rad: Array = np.array([actor.heading_rad for actor in people])
         self.stride_rad: Array = np.array([actor.stride_rad for actor in people])
+        self._walking_tall = np.array([SHAPES[actor.walk.posture].tall for actor in people])
+        self.shape: Array = self._wished_shape()
 
     def step(self, t_s: float, dt_s: float, robot: RobotState, robot_radius_m: float) -> None:
         """Move everybody by `dt_s`."""
         wish = self._wishes(t_s, dt_s, robot)
+        self._change_posture(dt_s)
+        down = self.shape[:, 0] < _ON_THEIR_FEET * self._walking_tall
+        wish[down] = 0.0
         walking = (wish != 0.0).any(1)
         away = self._avoid_others(robot, robot_radius_m)
         # Nobody need look out for walls who cannot have come near one since the last look.
@@ -101,6 +110,17 @@ class Crowd:
                 for walker, (x_m, y_m) in zip(self._walkers, places, strict=True)
             ]
         )
+
+    def _wished_shape(self) -> Array:
+        shapes = [SHAPES[walker.posture] for walker in self._walkers]
+        return np.array([(shape.tall, shape.wide) for shape in shapes])
+
+    def _change_posture(self, dt_s: float) -> None:
+        """Towards the posture that everybody wishes to be in."""
+        wished = self._wished_shape()
+        falls = np.array([walker.posture == "lying" for walker in self._walkers])
+        most = np.where(falls, FALL_PER_S, CHANGE_PER_S)[:, None] * dt_s
+        self.shape = self.shape + np.clip(wished - self.shape, -most, most)
 
     def _is_hidden(self, robot: RobotState, x_m: float, y_m: float) -> bool:
         """Whether obstacles as high as a person hide a body's whole width from the robot."""

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from services.simulator.errors import SimulatorError
+from services.simulator.posture_scenarios import POSTURES
 from services.simulator.script import Scenario
 from services.simulator.stage import WALL_HEIGHT_M, WALL_M, Place, Stage
 from services.simulator.state import Role
@@ -22,10 +23,10 @@ def scenario(name: str, seed: int) -> World:
     Raises:
         SimulatorError: no such name.
     """
-    if name not in SCENARIOS:
-        raise SimulatorError(f"no scenario {name!r}: choose one of {', '.join(SCENARIOS)}")
+    if name not in (known := SCENARIOS | POSTURES):
+        raise SimulatorError(f"no scenario {name!r}: choose one of {', '.join(known)}")
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
-    script = SCENARIOS[name](Stage(rng), name)
+    script = known[name](Stage(rng), name)
     return World(script, seed)
 
 

@@ -65,20 +65,29 @@ class Stage:
         """A number between."""
         return float(self.rng.uniform(least, most))
 
-    def add(self, role: Role, x_m: float, y_m: float, heading_rad: float, walk: Walk) -> Actor:
-        """Put a person in place; the target comes first, twins of it wear what it wears."""
+    def add(
+        self, role: Role, x_m: float, y_m: float, heading_rad: float, walk: Walk,
+        height_m: float | None = None, radius_m: float | None = None,
+    ) -> Actor:  # fmt: skip
+        """Put a person in place; the target comes first, twins of it wear what it wears.
+
+        Args:
+            role, x_m, y_m, heading_rad, walk: as in `Actor`.
+            height_m, radius_m: of who is no adult on foot; None leaves them to chance.
+        """
         outfit = self._outfits[len(self.actors)]
-        height_m = self.uniform(1.55, 1.95)
+        adult_m = self.uniform(1.55, 1.95)
         if role == "twin":
             outfit = twin_of(self.actors[0].outfit, self.rng)
-            height_m = self.actors[0].height_m + self.uniform(-0.03, 0.03)
+            adult_m = self.actors[0].height_m + self.uniform(-0.03, 0.03)
+        broad_m = self.uniform(0.2, 0.25)
         actor = Actor(
             role=role,
             x_m=x_m,
             y_m=y_m,
             heading_rad=heading_rad,
-            height_m=height_m,
-            radius_m=self.uniform(0.2, 0.25),
+            height_m=adult_m if height_m is None else height_m,
+            radius_m=broad_m if radius_m is None else radius_m,
             stride_rad=self.uniform(0.0, 2 * math.pi),
             outfit=outfit,
             walk=walk,

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from services.simulator.postures import UPRIGHT
+
 Colour = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""
 Role = Literal["target", "twin", "other"]
@@ -33,7 +35,9 @@ class PersonState:
 
     Attributes:
         stride_rad: phase of the walking cycle, 2 pi a double step; stands still with the speed.
+        height_m: stature.
         radius_m: of the body as a disc, for contacts and ranges.
+        tall, wide: upper end above the ground and width of the body now, as shares of the stature.
     """
 
     id: int
@@ -46,6 +50,8 @@ class PersonState:
     height_m: float
     radius_m: float
     outfit: Outfit
+    tall: float = UPRIGHT.tall
+    wide: float = UPRIGHT.wide
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,10 @@ COLUMNS, ROWS = 5, 9
 """Cells of a box in which somebody is looked for."""
 NEAR_M = 0.25
 """What is nearer than this to the camera has no box."""
-_WIDTH_PER_HEIGHT = 0.28
 _STEP_PER_HEIGHT = 0.16
 """What the legs of somebody in full stride seen from the side add to the width."""
+_STRIDES_FROM = 0.95
+"""Who is not upright makes no steps."""
 _BODY_RADIUS_M = 0.2
 """Of what a body hides; arms and gaps let more through than the body as a disc does."""
 _ACROSS = (np.arange(COLUMNS) + 0.5) / COLUMNS - 0.5
@@ -59,8 +60,20 @@ def look(world: WorldView, solids: Solids, mount: CameraMount) -> Sight:
     """See everybody from where the robot is now; `solids` are the world's obstacles."""
     people, robot = world.people, world.robot
     table = np.array(
-        [(p.x_m, p.y_m, p.heading_rad, p.speed_mps, p.stride_rad, p.height_m) for p in people]
-    ).reshape(-1, 6)
+        [
+            (
+                p.x_m,
+                p.y_m,
+                p.heading_rad,
+                p.speed_mps,
+                p.stride_rad,
+                p.tall * p.height_m,
+                p.wide * p.height_m,
+                p.height_m * (p.tall > _STRIDES_FROM),
+            )
+            for p in people
+        ]
+    ).reshape(-1, 8)
     ground = to_robot(table[:, :2], robot)
     camera = lens(mount)
     box, depth = _boxes(camera, ground, table, robot.heading_rad)
@@ -93,7 +106,7 @@ def _boxes(
     view = np.arctan2(ground[:, 1], ground[:, 0]) + robot_heading_rad
     swing = np.abs(np.sin(table[:, 4])) * np.minimum(table[:, 3], 1.0)
     sideways = np.abs(np.sin(table[:, 2] - view))
-    width = height * (_WIDTH_PER_HEIGHT + _STEP_PER_HEIGHT * swing * sideways)
+    width = table[:, 6] + table[:, 7] * _STEP_PER_HEIGHT * swing * sideways
     below = camera.mount_height_m - height / 2
     depth = ground[:, 0] * math.cos(camera.pitch_rad) + below * math.sin(camera.pitch_rad)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from services.simulator.postures import Posture
+
 _ROUND_CORNER_M = 0.4
 _STAND_WITHIN_M = 0.12
 _BRAKE_MPS2 = 0.8
@@ -25,12 +27,14 @@ class Leg:
         hidden_s: stands there until obstacles have hidden the person from the robot for so long
             since the leg began, at most 20 s: what a pillar or a door hides depends on where the
             robot waits.
+        posture: taken while staying there.
     """
 
     x_m: float
     y_m: float
     pause_s: float = 0.0
     hidden_s: float = 0.0
+    posture: Posture = "upright"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +60,15 @@ class Walk:
         speed_mps: at ease.
         legs: one after the other; the person stays at the end of the last.
         start_s: not before this time.
+        posture: while moving.
+        at_first: posture before `start_s`.
     """
 
     speed_mps: float
     legs: tuple[Leg | Crossing, ...] = ()
     start_s: float = 0.0
+    posture: Posture = "upright"
+    at_first: Posture | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +83,14 @@ class Situation:
 
 
 class Walker:
-    """How far along a walk somebody is."""
+    """How far along a walk somebody is.
+
+    Attributes:
+        posture: that they wish to be in now; whoever gets up walks on when they stand.
+    """
 
     def __init__(self, walk: Walk, x_m: float, y_m: float) -> None:
+        self.posture: Posture = walk.at_first or walk.posture
         self._walk = walk
         self._came_from = (x_m, y_m)
         self._index = 0
@@ -95,6 +108,7 @@ class Walker:
         """The velocity that somebody at (x, y) would like to have now; (0, 0) to stand."""
         if situation.t_s < self._walk.start_s:
             return 0.0, 0.0
+        self.posture = self._walk.posture
         while not self.finished:
             leg = self._walk.legs[self._index]
             self._arrived = self._arrived or self._has_reached(leg, x_m, y_m)
@@ -103,6 +117,7 @@ class Walker:
             if not self._arrived:
                 return _towards(x_m, y_m, leg, self._pace_mps(leg, x_m, y_m, situation))
             if isinstance(leg, Leg) and self._stays(leg, situation.dt_s):
+                self.posture = leg.posture if leg.posture != "upright" else self._walk.posture
                 return 0.0, 0.0
             self._next_leg(x_m, y_m)
         return 0.0, 0.0

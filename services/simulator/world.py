@@ -256,7 +256,9 @@ class World:
     def _take_stock(self) -> tuple[PersonState, ...]:
         crowd = self._crowd
         speed = np.hypot(crowd.velocity[:, 0], crowd.velocity[:, 1])
-        table = np.column_stack([crowd.place, crowd.heading_rad, speed, crowd.stride_rad])
+        table = np.column_stack(
+            [crowd.place, crowd.heading_rad, speed, crowd.stride_rad, crowd.shape]
+        )
         return tuple(
             PersonState(
                 id=number,
@@ -269,10 +271,13 @@ class World:
                 height_m=actor.height_m,
                 radius_m=actor.radius_m,
                 outfit=actor.outfit,
+                tall=tall,
+                wide=wide,
             )
-            for number, (actor, (x_m, y_m, heading_rad, speed_mps, stride_rad)) in enumerate(
-                zip(self.scenario.people, table.tolist(), strict=True), start=1
-            )
+            for number, (
+                actor,
+                (x_m, y_m, heading_rad, speed_mps, stride_rad, tall, wide),
+            ) in enumerate(zip(self.scenario.people, table.tolist(), strict=True), start=1)
         )
 
 

@@ -46,6 +46,7 @@ def log(
         "path_m": np.array(distances_m),
         "path_from_start_m": np.array(distances_m),
         "visible": np.ones(count),
+        "people_visible": np.ones((count, 2)),
         "followed": np.full(count, TARGET),
         "contact": np.zeros(count, bool),
         "state": np.full(count, "following"),

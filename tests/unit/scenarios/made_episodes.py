@@ -22,6 +22,7 @@ def scores(following_rate: float = 1.0, wrong_time: float = 0.0) -> EpisodeScore
         jerk_p95=2.0,
         longest_loss_s=0.5,
         min_distance_m=0.8,
+        driven_to_m=1.3,
     )
 
 

@@ -23,7 +23,7 @@ RESULTS = [
 ]
 SCORES = {
     "episodes", "sr", "tr", "cr", "s", "spl", "f", "wrong_time", "space_1m", "jerk_p95",
-    "longest_loss_s", "min_distance_m",
+    "longest_loss_s", "min_distance_m", "driven_to_m",
 }  # fmt: skip
 
 
@@ -31,7 +31,8 @@ def test_json_has_the_agreed_fields() -> None:
     report = json.loads(make_report(RESULTS, 7, "simulated boxes", wall_s=6.0).model_dump_json())
 
     assert set(report) == {
-        "episodes", "seed", "mode", "through", "real_time_factor", "overall", "scenarios",
+        "episodes", "seed", "mode", "through", "ranges", "calibrated", "real_time_factor",
+        "overall", "scenarios",
     }  # fmt: skip
     assert (report["episodes"], report["mode"]) == (2, "simulated boxes")
     assert report["real_time_factor"] == pytest.approx(10.0)

@@ -114,7 +114,11 @@ def test_only_acting_counts_as_following(
 ) -> None:
     witness = Witness(world, CameraMount())
 
-    witness.record(Moment.of_world(world, 1.0), state(name, track_id), {7: TARGET, 8: OTHER})
+    witness.record(
+        Moment.of_world(world, [1.0] * len(world.people)),
+        state(name, track_id),
+        {7: TARGET, 8: OTHER},
+    )
 
     assert witness.log().followed.tolist() == [followed]
 
@@ -122,7 +126,7 @@ def test_only_acting_counts_as_following(
 def test_the_log_tells_what_the_world_was_like(world: World) -> None:
     witness = Witness(world, CameraMount())
     for _ in range(50):
-        witness.record(Moment.of_world(world, 1.0), state("idle", None), {})
+        witness.record(Moment.of_world(world, [1.0] * len(world.people)), state("idle", None), {})
         world.step(0.02, 0.5, 0.0)
     log = witness.log()
 
@@ -142,4 +146,4 @@ def test_a_world_told_by_another_process_is_the_same_moment(world: World) -> Non
 
     moment = Moment.of_truth(told)
 
-    assert moment == Moment.of_world(world, told.people[TARGET].visible)
+    assert moment == Moment.of_world(world, [one.visible for one in told.people])
