@@ -212,11 +212,29 @@ def _print(
     if heard.state is not None:
         told = printable(f"{heard.state.state} ({heard.state.reason})")
         console.print(f"follower: {told}, target {shown(heard.state.target)}")
+        console.print(f"follower: {facts(heard.state)}")
     if heard.tracks is not None:
         ids = ", ".join(str(person["id"]) for person in heard.people)
         console.print(f"in sight: {ids or 'nobody'}")
     for line in heard.unreadable[:5]:
         typer.echo(printable(line, 300), err=True)
+
+
+def facts(state: FollowState) -> str:
+    """What the follower knows of its target and of the way, as one line."""
+    known = []
+    if state.distance_m is not None:
+        known.append(f"{state.distance_m:.1f} m away")
+    if state.identity_confidence is not None:
+        next_best = state.runner_up_confidence
+        beside = f" (next best {next_best:.0%})" if next_best is not None else ""
+        known.append(f"{state.identity_confidence:.0%} sure{beside}")
+    bounded = f" ({printable(state.speed_reason)})" if state.speed_reason else ""
+    known.append(f"{state.linear_mps:.2f} m/s{bounded}")
+    free = "" if state.free_distance_m is None else f", {state.free_distance_m:.1f} m free"
+    watched = f"obstacles are watched{free}"
+    known.append(watched if state.obstacle_watch else "nothing looks out for obstacles")
+    return ", ".join(known)
 
 
 def _health_table(rows: list[tuple[Part, PartState]]) -> Table:

@@ -82,6 +82,7 @@ class Parts:
             obstacle_watch=True, free_distance_m=3.4,
         )  # fmt: skip
         self.drive_stops = False
+        self.notice = ""
 
     def _token(self, part: str) -> Any:
         return self._session.liveliness().declare_token(keys.alive(part, "main"))
@@ -116,7 +117,7 @@ class Parts:
             if part in self.silent:
                 continue
             for start in ("aaaaaaaa", "bbbbbbbb")[: 1 + (part in self.twice)]:
-                self.put(keys.health(part, "main"), health(part, start))
+                self.put(keys.health(part, "main"), health(part, start, self.notice))
         if "follower" not in self.silent:
             self.put(keys.FOLLOW_STATE, self.state)
         if "drive" not in self.silent:
@@ -130,10 +131,11 @@ class Parts:
         self._session.put(key, encode(message), encoding=message.encoding())
 
 
-def health(part: str, start: str) -> Health:
+def health(part: str, start: str, notice: str) -> Health:
     return Health(
         service=part, instance="main", producer=f"{part}/main@{start}", state="ok", uptime_s=1.0,
         loop_age_s=0.0, software_version="1", period_s=BEAT_S, input_age_s=0.04,
+        details={"notice": notice} if notice and part == "capture" else {},
     )  # fmt: skip
 
 
@@ -309,6 +311,8 @@ def test_on_a_phone_state_reason_and_choice_are_in_sight_also_while_stopped(
     page: Opened, width: int, height: int
 ) -> None:
     chrome, _, parts = page
+    parts.notice = "People are the simulator's own boxes, not seen in pixels"
+    shows(chrome, "notices", f"capture: {parts.notice}")
     metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
     chrome.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
     try:

@@ -171,7 +171,7 @@ export class Panel {
     if (seen && follower.distance_m != null) facts.push(`${follower.distance_m.toFixed(1)} m away`);
     if (seen && follower.identity_confidence != null) {
       const next = follower.runner_up_confidence;
-      facts.push(`${percent(follower.identity_confidence)} sure${next ? `, next best ${percent(next)}` : ""}`);
+      facts.push(`${percent(follower.identity_confidence)} sure${next >= 0.005 ? `, next best ${percent(next)}` : ""}`);
     }
     put(element("facts"), facts.join(" \u00b7 "));
     const speed = this.status.command?.linear_mps;
