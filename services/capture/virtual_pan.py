@@ -15,6 +15,7 @@ from schemas.errors import SourceError
 from services.capture.pan_window import PanSettings, PanWindow
 from services.capture.source import Frame, FrameSource, SourceTimeout
 from services.runtime.pacing import Pacer
+from services.runtime.passwords import without_passwords
 
 PAN_PREFIX = "pan:"
 
@@ -118,10 +119,13 @@ def open_pan(spec: str, open_recording: Callable[[str], FrameSource]) -> Virtual
     """
     path, settings = parse_pan(spec)
     recording = open_recording(path)
+    shown = without_passwords(spec)
     try:
         if recording.is_live:
-            raise SourceError(f"{spec}: a virtual pan needs a recording, {path} is a camera")
-        return VirtualPanSource(recording, settings, spec)
+            raise SourceError(
+                f"{shown}: a virtual pan needs a recording, {recording.name} is a camera"
+            )
+        return VirtualPanSource(recording, settings, shown)
     except SourceError:
         recording.close()
         raise
@@ -145,11 +149,13 @@ def parse_pan(spec: str) -> tuple[str, PanSettings]:
         key = ".".join(map(str, first["loc"]))
         known = ", ".join(PanSettings.model_fields)
         raise SourceError(
-            f"{spec}: {key}={first['input']!r}: {first['msg']}; the keys are {known}"
+            f"{without_passwords(spec)}: {key}={first['input']!r}: {first['msg']}; "
+            f"the keys are {known}"
         ) from None
     except ValueError:
         raise SourceError(
-            f"{spec}: give key=value pairs, as in pan:walk.mp4?width=384&height=288"
+            f"{without_passwords(spec)}: give key=value pairs, as in "
+            "pan:walk.mp4?width=384&height=288"
         ) from None
 
 
