@@ -262,9 +262,11 @@ def test_ranges_that_cannot_be_read_stop_the_robot_from_the_first_on(robot: Robo
 
 
 def test_another_lens_in_the_middle_is_not_believed(robot: Robot) -> None:
-    robot.put(keys.info("front"), INFO, stamped=False)
+    unmounted = {"mount_height_m": None, "mount_pitch_rad": None}
+    wide = INFO.model_copy(update=unmounted | {"horizontal_fov_rad": 1.0})
+    robot.put(keys.info("front"), wide, stamped=False)
     plain = robot.follow()
-    narrow = INFO.model_copy(update={"horizontal_fov_rad": 0.2})
+    narrow = wide.model_copy(update={"horizontal_fov_rad": 0.2})
     robot.put(keys.info("front"), narrow, stamped=False)
     robot.until("health", lambda _: robot.says("two descriptions"))
     assert robot.states[-1].distance_m == pytest.approx(plain.distance_m, rel=0.2)
