@@ -235,6 +235,11 @@ class CaptureService:
                 continue
             try:
                 progress = decode(Progress, arrival.payload, arrival.encoding)
+                if progress.seq >= self._seq:
+                    raise MessageError(
+                        f"progress: frame {progress.seq} is finished, but {self._seq} were sent: "
+                        "report what was received"
+                    )
             except MessageError as error:
                 self._context.statistics.malformed += 1
                 self._context.warn.warning("progress", f"{arrival.key}: {error}", arrival.arrived_s)

@@ -89,8 +89,11 @@ class DriveService:
                 due_s = max(due_s + period_s, now_s)
                 continue
             arrival = self._context.inbox.get(due_s - now_s)
+            stops = False
+            with self._context.surviving("obeying"):
+                stops = arrival is not None and self._stops(arrival)
             # Speeding up waits for its turn, a stop does not.
-            if arrival is not None and self._stops(arrival):
+            if stops:
                 self._round()
 
     def _round(self) -> None:

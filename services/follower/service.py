@@ -149,7 +149,8 @@ class FollowerService:
             if arrival is None:
                 pass
             elif arrival.topic != "tracks":
-                self._side_message(arrival)
+                with self._context.surviving(f"taking {arrival.topic}"):
+                    self._side_message(arrival)
             elif arrival.encoding != EndOfStream.encoding():
                 self._observe(arrival)
             else:

@@ -40,6 +40,8 @@ from services.runtime.streams import Received, StreamJudge
 CONSUMER = "run"
 CAMERA = "front"
 _KEPT_IMAGES = 16
+_LEAST_FPS, _MOST_FPS = 1.0, 240.0
+"""What players show; a camera may state anything."""
 
 
 class Collector:
@@ -194,7 +196,7 @@ class Collector:
         if self._outputs.film is None or frame not in self._images or frame not in self._waiting:
             return
         tracks = self._waiting.pop(frame)
-        fps = self.info.fps if self.info else 25.0
+        fps = min(max(_LEAST_FPS, self.info.fps), _MOST_FPS) if self.info else 25.0
         caption = f"frame {tracks.index + 1}"
         self._outputs.film.write(self._images.pop(frame), tracks, self._target_id, caption, fps)
 

@@ -95,7 +95,8 @@ class WebService:
         while self._context.running and not self._is_over():
             arrival = self._context.inbox.get(self._wait_s(time.monotonic()))
             if arrival is not None:
-                self._take(arrival)
+                with self._context.surviving("showing"):
+                    self._take(arrival)
             now_s = time.monotonic()
             if (end := self._images.ended(now_s)) is not None:
                 self._board.end(end)
