@@ -156,7 +156,9 @@ class Stack:
             )
             for name in SERVICES
         }
-        for name in SERVICES:
+        for name, process in self.processes.items():
+            # Health comes first, and a service that is up hears everything.
+            network.wait_until(lambda p=process: "is up" in p.stderr(), f"{name} is up", 30.0)
             network.wait_until(lambda n=name: n in self.health, f"health of {name}", 30.0)
 
     def _note_health(self, sample: zenoh.Sample) -> None:
