@@ -82,6 +82,8 @@ def find(connect: str | None, run: int | None, namespace: str | None, config: Pa
     elif named:
         chosen = next((one for one in found if (one.endpoint,) == settings.connect), None)
     else:
+        # Runs in another network namespace cannot be meant: nobody reaches them from here.
+        found = [one for one in found if _listens(one.endpoint)]
         chosen = found[0] if found else None
         if len(found) > 1 or (found and _listens(settings.connect[0])):
             default = [f"--connect {settings.connect[0]} (a router)"]

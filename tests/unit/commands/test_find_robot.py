@@ -22,7 +22,7 @@ DEFAULT = "tcp/127.0.0.1:7447"
 @pytest.fixture(autouse=True)
 def nothing_else_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    monkeypatch.setattr(robot, "_listens", lambda _endpoint: False)
+    monkeypatch.setattr(robot, "_listens", lambda endpoint: endpoint != DEFAULT)
 
 
 @pytest.fixture
@@ -71,10 +71,20 @@ def test_of_several_none_is_guessed(demo: Run, monkeypatch: pytest.MonkeyPatch) 
 def test_a_run_beside_a_router_of_this_machine_is_not_guessed_either(
     demo: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(robot, "_listens", lambda endpoint: endpoint == DEFAULT)
+    monkeypatch.setattr(robot, "_listens", lambda _endpoint: True)
     with pytest.raises(SettingsError, match=f"--connect {DEFAULT}"):
         find(None, None, None, None)
     assert find(DEFAULT, None, None, None).run is None
+
+
+def test_a_run_that_cannot_be_reached_from_here_is_not_meant(
+    demo: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(robot, "_listens", lambda endpoint: endpoint == DEFAULT)
+    assert find(None, None, None, None).router == DEFAULT
+    monkeypatch.setattr(registry, "runs", lambda: [demo, other()])
+    monkeypatch.setattr(robot, "_listens", lambda endpoint: endpoint == demo.endpoint)
+    assert find(None, None, None, None).run == demo
 
 
 def test_whether_somebody_listens_is_asked_of_the_port(monkeypatch: pytest.MonkeyPatch) -> None:
