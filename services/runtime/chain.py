@@ -139,7 +139,9 @@ class ChainWatch:
         there = [n for n, service in enumerate(CHAIN) if service in live | stands_in]
         wanted = set(expected)
         if len(there) > 1:
-            wanted |= set(CHAIN[: max(there) + 1])
+            # Where somebody unknown sends the first part's input, what is behind them is theirs.
+            first = min(there) if CHAIN[min(there)] in stands_in else 0
+            wanted |= set(CHAIN[first : max(there) + 1])
         absent = sorted(wanted - known - stands_in, key=_place)
         told = {True: "gone", False: "not there"}
         return [

@@ -142,9 +142,10 @@ def test_a_simulator_or_somebody_unknown_stands_in_for_parts() -> None:
     watch = ChainWatch()
     beats(watch, 1.0, "follower", "drive")
     assert [p.part for p in watch.missing((), 1.0)] == ["capture", "detector", "tracker"]
-    watch.hear(health("tracker", input_age_s=0.04), 1.0)
-    watch.hear(health("detector", input_age_s=0.04), 1.0)
-    assert watch.missing((), 1.0) == []
+    watch.hear(health("follower", input_age_s=0.04), 1.0)
+    assert watch.missing((), 1.0) == [], "whose tracks these are is somebody else's affair"
+    watch.hear(health("capture"), 1.0)
+    assert [p.part for p in watch.missing((), 1.0)] == ["detector"]
 
 
 def test_when_nobody_at_all_is_heard_it_is_the_bus() -> None:
