@@ -108,15 +108,20 @@ class HttpServer:
 
 
 def numbered_jpeg(number: int) -> bytes:
+    """`numbered_picture` as a JPEG."""
+    return cv2.imencode(".jpg", numbered_picture(number))[1].tobytes()
+
+
+def numbered_picture(number: int) -> NDArray[np.uint8]:
     """A picture that tells its number by a row of light and dark fields; see `number_of`."""
     image = np.full((64, 256, 3), 120, np.uint8)
     image[40:, ::8] = 20
     for bit in range(16):
         image[:32, bit * 16 : bit * 16 + 16] = 255 if number >> bit & 1 else 0
-    return cv2.imencode(".jpg", image)[1].tobytes()
+    return image
 
 
 def number_of(image: NDArray[np.uint8]) -> int:
-    """The number in a picture of `numbered_jpeg`."""
+    """The number in a picture of `numbered_picture`."""
     fields = image[8:24].reshape(16, 16, 16, 3)[:, :, 4:12].mean(axis=(0, 2, 3))
     return sum(1 << bit for bit in range(16) if fields[bit] > 128)
