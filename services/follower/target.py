@@ -92,6 +92,8 @@ class TargetChoice:
                 people, or what is seen is too old to choose from.
         """
         before = self.target.track_id
+        if request.mode == "id":
+            self._requested(request, tracks)  # that nobody has this id is the better reason
         if request.mode != "none":
             self._refuse_stale(tracks, age_s)
         if request.mode == "none":

@@ -189,6 +189,13 @@ def test_nobody_is_chosen_from_stale_tracks(request_: TargetRequest) -> None:
     assert watching.follower.choose(TargetRequest(mode="none")).reason == "cleared"
 
 
+def test_an_unknown_id_is_said_to_be_so_even_then() -> None:
+    watching = Watching(person(1))
+    watching.wait(8.0)
+    with pytest.raises(TargetError, match="nobody has id 9"):
+        watching.follower.choose(TargetRequest(mode="id", track_id=9))
+
+
 BEHIND = person(2, x=330, state="occluded", occluded_by=(1,))
 
 
