@@ -17,6 +17,7 @@ from services.follower.settings import FollowerServiceSettings
 from services.runtime.command_line import later, run_process, settings_command
 from services.runtime.process import software_version
 from services.runtime.router import RouterSettings
+from services.runtime.settings import know_tables
 from services.simulator.settings import SimulatorSettings
 from services.tracker.settings import TrackerServiceSettings
 from services.web.settings import WebServiceSettings
@@ -58,6 +59,7 @@ def _heel(
     pass
 
 
+know_tables({name: model for name, model, _ in _SERVICES} | {"router": RouterSettings})
 register_tools(app)
 for _name, _model, _summary in _SERVICES:
     _run = later(f"services.{_name}.service")

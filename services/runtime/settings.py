@@ -237,7 +237,9 @@ def load_settings(
     """
     _check_environment(os.environ)
     named = os.environ.get("HEEL_CONFIG")
-    tables = read_tables(file or (Path(named) if named else None))
+    file = file or (Path(named) if named else None)
+    tables = read_tables(file)
+    _check_keys(tables, {**_known_tables, service: model}, f"settings file {file}: ")
     merged: type[_Merged] = create_model(
         "Merged",
         __base__=_Merged,
@@ -280,6 +282,37 @@ def read_tables(file: Path | None) -> dict[str, Any]:
                 f"settings file {file}: [{name}] is not a table of Heel's{_nearest(name, SECTIONS)}"
             )
     return tables
+
+
+def know_tables(models: Mapping[str, type[BaseModel]]) -> None:
+    """Tell which tables there are, so that every process refuses unknown keys in all of them.
+
+    A process that is not told, such as a service started by itself, knows its own and the shared
+    ones.
+    """
+    _known_tables.update(models)
+
+
+_known_tables: dict[str, type[BaseModel]] = {}
+
+
+def _check_keys(
+    tables: Mapping[str, Mapping[str, Any]], models: Mapping[str, type[BaseModel]], where: str
+) -> None:
+    """Refuse keys that no service reads, in tables of other services too.
+
+    Raises:
+        SettingsError: there is one.
+    """
+    for name, table in tables.items():
+        model = models.get(name)
+        if model is None and _known_tables and name in SERVICES:
+            raise SettingsError(f"{where}[{name}]: nothing has settings of that name")
+        for key in table:
+            if model is not None and key not in model.model_fields:
+                raise SettingsError(
+                    f"{where}{name}.{key}: unknown key{_nearest(key, model.model_fields)}"
+                )
 
 
 def _check_environment(names: Iterable[str]) -> None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from schemas.errors import SettingsError
 from services.capture.settings import CaptureSettings
+from services.cli import app
 from services.detector.settings import DetectorServiceSettings
 from services.runtime.settings import Loaded, ZenohSettings, load_settings
 from services.tracker.settings import TrackerServiceSettings
@@ -211,3 +214,21 @@ def test_a_password_may_stand_in_a_file(tmp_path: Path) -> None:
 def test_a_user_has_one_password(given: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="go together"):
         ZenohSettings(**given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[web]\nprot = 8000\n", r"web\.prot: unknown key; did you mean 'port'"),
+        ("[drive]\nmax_linear = 1\n", r"drive\.max_linear: unknown key"),
+        ("[recorder]\nfoo = 1\n", r"\[recorder\]: nothing has settings of that name"),
+    ],
+)
+def test_unknown_keys_are_refused_in_the_tables_of_other_services_too(
+    tmp_path: Path, text: str, told: str
+) -> None:
+    file = tmp_path / "heel.toml"
+    file.write_text(text)
+    done = CliRunner().invoke(app, ["tracker", "--config", str(file), "--show-config"])
+    assert isinstance(done.exception, SettingsError)
+    assert re.search(told, str(done.exception)), done.exception
