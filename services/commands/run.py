@@ -53,11 +53,17 @@ def run(
     target: Annotated[
         Literal["nearest", "none"], typer.Option(help="whom the follower follows")
     ] = "nearest",
-    scale: Annotated[float, typer.Option(help="factor for both sides of every frame")] = 1.0,
-    fps: Annotated[float | None, typer.Option(help="rate instead of the source's own")] = None,
+    scale: Annotated[
+        float, typer.Option(help="factor for both sides of every frame", min=0.001, max=1.0)
+    ] = 1.0,
+    fps: Annotated[
+        float | None, typer.Option(help="rate instead of the source's own", min=0.001, max=240.0)
+    ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="play a recording again and again")] = False,
     frames: Annotated[int | None, typer.Option(help="end after so many frames", min=1)] = None,
-    seconds: Annotated[float | None, typer.Option(help="end after so many seconds")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="end after so many seconds", min=0.0)
+    ] = None,
     web: Annotated[
         int | None, typer.Option(help="serve the live page on this loopback port", metavar="PORT")
     ] = None,
