@@ -186,6 +186,24 @@ def _check_nodes(model: ModelProto) -> None:
                     f"layer {node.name or node.op_type!r} ({node.op_type}) has {attribute.name} "
                     f"{bad}: the file is damaged; download or export it again"
                 )
+    _check_wires(model.graph, set())
+
+
+def _check_wires(graph: GraphProto, given: set[str]) -> None:
+    """Every layer takes what an earlier one gives, as the format demands."""
+    known = given | {entry.name for entry in (*graph.input, *graph.initializer)}
+    known |= {entry.values.name for entry in graph.sparse_initializer}
+    for node in graph.node:
+        for name in node.input:
+            if name and name not in known:
+                raise SettingsError(
+                    f"layer {node.name or node.op_type!r} takes {name[:80]!r}, which no layer "
+                    "before it gives: the file is damaged; download or export it again"
+                )
+        for attribute in node.attribute:
+            for inner in (*attribute.graphs, *([attribute.g] if attribute.HasField("g") else [])):
+                _check_wires(inner, known)
+        known |= set(node.output)
 
 
 def _not_positive(attribute: AttributeProto) -> int | None:

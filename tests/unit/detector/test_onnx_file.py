@@ -46,6 +46,10 @@ def _no_stride(model: Any) -> None:
     strides.ints[0] = 0
 
 
+def _loose_wire(model: Any) -> None:
+    model.graph.node[0].input[0] = model.graph.node[2].output[0]
+
+
 def _bytes_input(model: Any) -> None:
     model.graph.input[0].type.tensor_type.elem_type = onnx.TensorProto.UINT8
 
@@ -111,6 +115,7 @@ LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12\n"
         (lambda f: _written(f, bytes(range(256)) * 40), "not an ONNX network"),
         (lambda f: f.parent, "a folder"),
         (lambda f: _changed(f, _no_stride), "Conv.*strides 0.*damaged"),
+        (lambda f: _changed(f, _loose_wire), "takes 'flat8', which no layer before it gives"),
         (lambda f: _changed(f, _bytes_input), "type uint8, not float"),
         (lambda f: _changed(f, _weights_of_another_length), "are not the 100000x.*damaged"),
         (lambda f: _changed(f, _huge_weights), "export it again"),
