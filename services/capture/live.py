@@ -243,4 +243,5 @@ class LiveSource(FrameSource):
             )
             self._changed.notify_all()
         if attempt == 1 and self._count:
-            self._warn(f"{self.name}: {error}; connecting again")
+            told = error if self.name in error else f"{self.name}: {error}"
+            self._warn(f"{told}; connecting again")

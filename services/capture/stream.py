@@ -76,6 +76,7 @@ class StreamDevice:
         self.complaint = ""
         self._single = stream.codec_context.codec.intra_only
         self._is_jpeg = stream.codec_context.name == "mjpeg"
+        self._format = container.format.name
         self._stamped = not container.format.flags & _NO_TIME_STAMPS
         self._length_s = (container.duration or 0) / av.time_base
         self._stamps, self._counts = StampedArrivals(), CountedArrivals()
@@ -138,11 +139,19 @@ class StreamDevice:
         except av.error.ExitError:
             end = SourceError(f"no data for {container.read_timeout:g} s")
         except (av.error.FFmpegError, ValueError) as error:
-            end = SourceError(f"the connection broke ({reason(error)})")
+            end = SourceError(self._why_it_broke(error))
         finally:
             with self._changed:
                 self._end = end
                 self._changed.notify_all()
+
+    def _why_it_broke(self, error: Exception) -> str:
+        if isinstance(error, av.error.InvalidDataError) and self._format == "mpjpeg":
+            return "its pictures have another length than their Content-Length states"
+        if isinstance(error, av.error.OSError):
+            # So FFmpeg calls a connection that the other side closed in the middle of a picture.
+            return "the camera closed the connection"
+        return f"the connection broke ({reason(error)})"
 
     def _put(self, packet: Packet[VideoStream], now_s: float) -> None:
         late_s: float | None = None

@@ -169,6 +169,38 @@ def test_what_is_no_camera_is_told_from_what_wants_a_password(
     assert capfd.readouterr().err == ""
 
 
+def _playlist(entry: str) -> bytes:
+    head = "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n"
+    return f"{head}{entry}\n#EXT-X-ENDLIST\n".encode()
+
+
+def test_playlists_and_redirects_cross_no_border_between_network_and_disk(
+    tmp_path: Path, video: bytes
+) -> None:
+    secret = tmp_path / "v.mp4"
+
+    def redirect(request: Request) -> None:
+        request.send_response(302)
+        request.send_header("Location", f"file://{secret}")
+        request.send_header("Content-Length", "0")
+        request.end_headers()
+
+    answers: dict[str, Answer] = {
+        "/v.mp4": lambda request: request.send_body(video),
+        "/list.m3u8": lambda request: request.send_body(_playlist(f"file://{secret}")),
+        "/redirect": redirect,
+    }
+    with HttpServer(answers) as server:
+        for path in ("/list.m3u8", "/redirect"):
+            with pytest.raises(SourceError):
+                open_stream(server.address(path), 1.0)
+        local = tmp_path / "list.m3u8"
+        local.write_bytes(_playlist(server.address("/v.mp4")))
+        with pytest.raises(SourceError):
+            open_source(str(local))
+        assert server.requests == ["/list.m3u8", "/redirect"]
+
+
 def test_a_password_with_its_characters_escaped_opens() -> None:
     with HttpServer({"/guarded": guarded}) as server:
         with open_stream(server.address("/guarded", f"admin:{ESCAPED}")) as source:
