@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from pathlib import Path
 
 import zenoh
 
@@ -24,6 +25,8 @@ def main(endpoint: str) -> int:
     ]
     if (user := os.environ.get("HEEL_ZENOH__USER")) is not None:
         password = os.environ.get("HEEL_ZENOH__PASSWORD", "")
+        if (file := os.environ.get("HEEL_ZENOH__PASSWORD_FILE")) is not None:
+            password = Path(file).read_text(encoding="utf-8").strip()
         entries += [
             ("transport/auth/usrpwd/user", user),
             ("transport/auth/usrpwd/password", password),

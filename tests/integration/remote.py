@@ -75,6 +75,9 @@ class Recipe:
         self.wide = f"tcp/{link.address}:{port}"
         text = PAGE.replace("192.168.1.7", link.address).replace("7447", str(port))
         text = text.replace("/dev/video0", f"'{SCENE}' --loop").replace("users.txt", str(users))
+        password = str(users.with_name("password"))
+        text = text.replace("$PWD/password", password).replace("> password", f"> {password}")
+        text = text.replace("cat password", f"cat {password}")
         self.robot, self.other = re.findall(r"^```sh\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
     @staticmethod
@@ -95,8 +98,10 @@ class Recipe:
 def robot(recipe: Recipe, port: int, *only: str) -> Iterator[dict[str, Running]]:
     """Every process of the robot's block, or some, started as the page says; all of them up."""
     environment = recipe.environment(recipe.robot)
-    (users,) = [line for line in recipe.robot.splitlines() if line.startswith("echo ")]
-    subprocess.run(["sh", "-ec", users], env=os.environ | environment, check=True, timeout=5)
+    lines = [line for line in recipe.robot.splitlines() if line.startswith(("umask ", "echo "))]
+    subprocess.run(
+        ["sh", "-ec", "\n".join(lines)], env=os.environ | environment, check=True, timeout=5
+    )
     # The page's robot has the usual port; the test has to say which one it got.
     environment["HEEL_ZENOH__CONNECT"] = f"tcp/127.0.0.1:{port}"
     with ExitStack() as stack:
@@ -175,13 +180,14 @@ class StreamWatch:
 def watching(recipe: Recipe, port: int) -> Iterator[tuple[StreamWatch, StreamWatch]]:
     """Blobs and tracks as the robot's own services get them."""
     environment = recipe.environment(recipe.robot)
+    password = Path(environment["HEEL_ZENOH__PASSWORD_FILE"]).read_text().strip()
     config = zenoh.Config()
     for path, value in (
         ("mode", "client"),
         ("connect/endpoints", [f"tcp/127.0.0.1:{port}"]),
         ("scouting/multicast/enabled", False),
         ("transport/auth/usrpwd/user", environment["HEEL_ZENOH__USER"]),
-        ("transport/auth/usrpwd/password", environment["HEEL_ZENOH__PASSWORD"]),
+        ("transport/auth/usrpwd/password", password),
     ):
         config.insert_json5(path, json.dumps(value))
     with zenoh.open(config) as session:
