@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +25,8 @@ from services.detector.neural.heads import (
 from services.detector.neural.onnx_file import read_onnx_file
 from services.detector.neural.sheet import PAD_GREY, Sheet
 
+_MOST_MEMORY_BYTES = 4 << 30
+"""Weights and all layers; the largest YOLO of the families read here takes about 1 GiB."""
 _OVERLAP = 0.45
 """Of two boxes that overlap more than this (IoU), the weaker one goes."""
 
@@ -37,6 +42,40 @@ class Detections:
 
     boxes: Floats
     scores: Floats
+
+
+@contextmanager
+def bounded_memory(more_bytes: int) -> Iterator[None]:
+    """Let this process map only so much more than now: what a file asks for is not to end others.
+
+    Linux; elsewhere, and under a limit that is stricter already, this changes nothing.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    try:
+        mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    except (OSError, ValueError):
+        yield
+        return
+    limit = mapped + more_bytes
+    if soft != resource.RLIM_INFINITY and soft < limit:
+        yield
+        return
+    resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+@contextmanager
+def _opencv_silent() -> Iterator[None]:
+    """What is wrong is told once, by us: OpenCV writes its own account to standard error."""
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(level)
 
 
 class PersonModel:
@@ -61,9 +100,15 @@ class PersonModel:
         told = read_onnx_file(file)
         self.width, self.height = told.width, told.height
         try:
-            self._network = cv2.dnn.readNetFromONNX(str(file))
-            probes = [self._all(probe, form, told.outputs) for probe, form in self._probes()]
-        except cv2.error as error:
+            with bounded_memory(_MOST_MEMORY_BYTES), _opencv_silent():
+                self._network = cv2.dnn.readNetFromONNX(str(file))
+                probes = [self._all(probe, form, told.outputs) for probe, form in self._probes()]
+        except (MemoryError, cv2.error) as error:
+            if isinstance(error, MemoryError) or error.code == cv2.Error.StsNoMem:
+                raise SettingsError(
+                    f"model {file}: wants more than {_MOST_MEMORY_BYTES >> 30} GiB of memory: "
+                    "damaged, or no network for a robot"
+                ) from None
             raise SettingsError(
                 f"model {file}: OpenCV cannot run it ({_first_line(error)}); export it for "
                 "inference, with a batch of one and opset 12 to 17"

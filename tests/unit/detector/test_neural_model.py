@@ -124,9 +124,17 @@ def _unknown_layer(folder: Path) -> Path:
     return saved(folder / "net.onnx", [node], [], ("out", [1, 3, 64, 64]), [1, 3, 64, 64])
 
 
+def _huge(folder: Path) -> Path:
+    weight = onnx.numpy_helper.from_array(np.ones((8, 3, 3, 3), np.float32), "weight")
+    node = onnx.helper.make_node("Conv", ["picture", "weight"], ["out"], pads=[90_000] * 4)
+    shape: list[int | str] = [1, 3, 64, 64]
+    return saved(folder / "net.onnx", [node], [weight], ("out", [1, 8, "h", "w"]), shape)
+
+
 @pytest.mark.parametrize(
     ("made", "message"),
     [
+        (_huge, "wants more than 4 GiB of memory"),
         (_missing, "no such file; give the path of an ONNX network"),
         (_text, "a text, not an ONNX network"),
         (_dynamic, "export it with a fixed input size"),
