@@ -188,7 +188,7 @@ class FollowerService:
             ages = f"transit not counted: no {keys.taken(self._context.settings.camera)}"
         else:
             ages = "from acquisition" if self._times.same_clock else "since the camera told"
-        self._context.statistics.details["ages"] = ages
+        self._context.statistics.detail("ages", ages)
         return replace(received, taken_s=taken_s)
 
     def _use_camera_of(self, epoch: int) -> None:

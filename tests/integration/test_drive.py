@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -13,7 +14,7 @@ import msgpack
 import pytest
 import zenoh
 
-from schemas import EndOfStream, EStop, MotionCommand, Odometry, decode, encode, keys
+from schemas import DriveState, EndOfStream, EStop, MotionCommand, Odometry, decode, encode, keys
 from services.runtime import qos
 from services.runtime.places import robot_name
 from services.runtime.publishing import Latched
@@ -141,6 +142,52 @@ def test_of_two_who_command_the_first_is_obeyed_and_both_are_named(robot: Robot)
             assert robot.health is not None
             assert OTHER in robot.health.reason
     wait_until(lambda: robot.stands_because("no command"), "the watchdog")
+
+
+def test_one_command_far_ahead_silences_nobody(robot: Robot, session: zenoh.Session) -> None:
+    last = encode(motion(2**63 - 1, 0.0, 0.0))
+    with robot.commanded(first_seq=next_seq()):
+        wait_until(robot.drives, "driving")
+        put(session, Put(keys.FOLLOW_COMMAND, last, MotionCommand.encoding(), stamp()))
+        ends_s = time.monotonic() + 0.7
+        while time.monotonic() < ends_s:
+            time.sleep(0.01)
+            assert robot.newest is not None
+            assert not robot.newest.reason.startswith("told to"), "it obeyed"
+        wait_until(robot.drives, "driving on")
+
+
+def test_commands_that_are_all_refused_are_a_problem_in_health(
+    robot: Robot, session: zenoh.Session
+) -> None:
+    again = Put(
+        keys.FOLLOW_COMMAND, encode(motion(next_seq())), MotionCommand.encoding(), stamp()
+    )  # fmt: skip
+
+    def told() -> bool:
+        put(session, again)
+        time.sleep(0.05)
+        reason = "" if robot.health is None else robot.health.reason
+        return "follow/command: every message is refused" in reason
+
+    wait_until(told, "the problem in health")
+    assert not robot.drives()
+
+
+def test_a_second_drive_is_named(robot: Robot, session: zenoh.Session) -> None:
+    other = DriveState(
+        seq=0, state="stopped", reason="test", estop=False, driver="log", linear_mps=0.0,
+        angular_radps=0.0,
+    )  # fmt: skip
+    twin = stamp("drive/other@00000003")
+
+    def told() -> bool:
+        put(session, Put(keys.ROBOT_DRIVE, encode(other), other.encoding(), twin))
+        time.sleep(0.05)
+        reason = "" if robot.health is None else robot.health.reason
+        return "two on robot/drive" in reason and "drive/other@00000003: stop one" in reason
+
+    wait_until(told, "both names in health")
 
 
 def test_the_end_of_the_commands_is_a_stop(robot: Robot, session: zenoh.Session) -> None:
