@@ -159,6 +159,8 @@ class Converter:
     def __init__(self) -> None:
         self._reformatter = VideoReformatter()
         self._size: tuple[int, int] | None = None
+        self._rotation: int | None = None
+        self._matrix = _UPRIGHT
 
     def image(self, frame: VideoFrame) -> NDArray[np.uint8]:
         """The pixels of a frame, contiguous.
@@ -166,7 +168,10 @@ class Converter:
         Raises:
             SourceError: FFmpeg cannot convert its pixel format.
         """
-        matrix = _orientation(frame)
+        # PyAV's side data and its frame hold each other: read for every frame, they fill the memory
+        # until the collector comes round.
+        if frame.rotation != self._rotation:
+            self._rotation, self._matrix = frame.rotation, _orientation(frame)
         width, height = self._size = self._size or (frame.width, frame.height)
         try:
             # One thread: for one picture of 1080p more of them cost more than they bring.
@@ -181,7 +186,7 @@ class Converter:
         plane = picture.planes[0]
         rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[:height]
         pixels = rows[:, : 3 * width].reshape(height, width, 3)
-        return upright(np.ascontiguousarray(pixels), matrix)
+        return upright(np.ascontiguousarray(pixels), self._matrix)
 
 
 def upright(image: NDArray[np.uint8], matrix: tuple[int, int, int, int]) -> NDArray[np.uint8]:

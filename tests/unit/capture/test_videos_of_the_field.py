@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from fractions import Fraction
 from pathlib import Path
@@ -203,3 +204,23 @@ def test_a_picture_larger_than_8k_is_refused_before_memory_is_taken_for_it(
     with pytest.raises(SourceError, match="no frame of its mjpeg video can be decoded"):
         VideoFileSource(path)
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("options", [{}, TOP_FIRST], ids=["progressive", "interlaced"])
+def test_no_frame_stays_in_memory_until_the_collector_comes_round(
+    tmp_path: Path, options: dict[str, str]
+) -> None:
+    path = encode_video(tmp_path / "v.mp4", pictures(13) * 4, options=options)
+    gc.collect()
+    gc.disable()
+    try:
+        with VideoFileSource(path) as source:
+            while source.read() is not None:
+                pass
+            kept = [one for one in gc.get_objects() if str(type(one).__module__).startswith("av.")]
+        frames = [one for one in kept if "Frame" in type(one).__name__]
+        sides = [one for one in kept if "SideData" in type(one).__name__]
+    finally:
+        gc.enable()
+    assert len(frames) <= 12
+    assert len(sides) <= 6
