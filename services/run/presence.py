@@ -10,7 +10,7 @@ import zenoh
 from schemas import HeelError, keys
 from services.run.children import Children
 
-_START_TIMEOUT_S = 30.0
+_START_TIMEOUT_S = 60.0
 _POLL_S = 0.1
 
 

@@ -42,7 +42,8 @@ from services.runtime.router import open_private_router
 
 CAMERA = "front"
 _POLL_S = 0.1
-_SILENCE_S = 15.0
+_SILENCE_S, _START_S = 15.0, 60.0
+"""Longest silence of a simulator, once it has spoken and before."""
 _LAST_FRAMES_S = 1.0
 """An episode is over with its last frame, which may be lost."""
 
@@ -155,17 +156,25 @@ class WorldRun:
 
     def _look_on(self, session: zenoh.Session, inbox: Inbox, children: Children) -> None:
         until_s = math.inf
-        truth = Silences(_SILENCE_S, "truth")
+        longest_s = _START_S
+        truth = Silences(longest_s, "truth")
         truth.heard("truth", time.monotonic())
         while not self._stop.is_set() and time.monotonic() < until_s:
             over = children.over("simulator")
-            self._check(children, truth)
+            self._check(children)
+            if truth.look(time.monotonic()) is not None and not over:
+                raise HeelError(
+                    f"the simulator is silent for {longest_s:g} s{children.last_words('simulator')}"
+                )
             arrival = inbox.get(0.0 if over else _POLL_S)
             if arrival is None and over:
                 return self._check_episode(children)
             if arrival is None:
                 continue
             if arrival.topic == "truth":
+                if longest_s != _SILENCE_S:
+                    longest_s = _SILENCE_S
+                    truth = Silences(longest_s, "truth")
                 truth.heard("truth", arrival.arrived_s)
                 # Counted from the first picture on: how long the start takes is the machine's.
                 until_s = min(until_s, arrival.arrived_s + (self._options.seconds or math.inf))
@@ -185,7 +194,7 @@ class WorldRun:
                 f"the simulator ended before its episode did{children.last_words('simulator')}"
             )
 
-    def _check(self, children: Children, truth: Silences) -> None:
+    def _check(self, children: Children) -> None:
         """All are there and speak; only the simulator may end, when its episode does.
 
         Raises:
@@ -195,16 +204,9 @@ class WorldRun:
             raise failure
         if (early := children.ended("simulator")) is not None:
             raise HeelError(f"{early} ended, and the demo with it{children.last_words(early)}")
-        now_s = time.monotonic()
-        hung, silent = self._silences.look(now_s), truth.look(now_s)
-        if children.over("simulator"):
-            return
-        if hung is not None:
+        hung = self._silences.look(time.monotonic())
+        if hung is not None and not children.over(hung):
             raise HeelError(f"{hung} is silent for {HUNG_S:g} s: it hangs or was stopped")
-        if silent is not None:
-            raise HeelError(
-                f"the simulator is silent for {_SILENCE_S:g} s{children.last_words('simulator')}"
-            )
 
     def _take(self, session: zenoh.Session, arrival: Arrival) -> None:
         payload, encoding = arrival.payload, arrival.encoding
