@@ -1,8 +1,9 @@
 """Time to stop: from a fault to wheels that stand and go on standing.
 
 Starts router, capture, detector, tracker, follower and drive as real processes on free loopback
-ports, lets the robot follow a drawn person, and brings each fault about again and again. A trial
-counts only if the wheels turned at that moment. The wheels are those that the drive's driver is
+ports, lets the robot follow a drawn person, and brings each fault about again and again. For the
+emergency stop something stands in for capture, detector and tracker. A trial counts only if the
+wheels turned at that moment. The wheels are those that the drive's driver is
 told (`record`, CLOCK_MONOTONIC).
 
 Example run: python -m benchmarks.time_to_stop --trials 20 --write docs/drive.md
@@ -132,12 +133,17 @@ def main(
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     rng = random.Random(seed)
     rows = []
-    with tempfile.TemporaryDirectory() as temporary, Rig(logs or Path(temporary)) as rig:
-        for fault in faults:
-            rows.append(measure(rig, fault, trials, rng))
-            typer.echo(
-                f"{fault.name}: {', '.join(f'{t:.0f}' for t in rows[-1].times_ms)}", err=True
-            )
+    for perception in (True, False):
+        some = [fault for fault in faults if fault.perception == perception]
+        if not some:
+            continue
+        with tempfile.TemporaryDirectory() as temporary:
+            with Rig((logs or Path(temporary)) / ("all" if perception else "robot"),
+                     perception) as rig:  # fmt: skip
+                for fault in some:
+                    rows.append(measure(rig, fault, trials, rng))
+                    times = ", ".join(f"{t:.0f}" for t in rows[-1].times_ms)
+                    typer.echo(f"{fault.name}: {times}", err=True)
     Console().print(table_of(rows))
     write_json(figures_of(rows), json)
     if write is not None:

@@ -23,5 +23,7 @@ class Fault:
     watch_s: float = WATCH_S
     afterwards: Callable[[Rig], None] | None = None
     """What must not make it move again."""
+    perception: bool = True
+    """Whether it takes a real camera, detector and tracker."""
     in_ms: Callable[[Rig, int], float] | None = None
     """What is measured, given the time of the fault, where it is not the time to zero."""

@@ -22,8 +22,10 @@ from benchmarks.common import REPOSITORY
 from benchmarks.stopping.camera import FaultyCamera
 from benchmarks.stopping.ranges import RangeSensor
 from benchmarks.stopping.relay import Relay
+from benchmarks.stopping.stand_in import StandIn
 from schemas import (
     EStop,
+    FollowState,
     HeelError,
     Message,
     MotionCommand,
@@ -41,6 +43,7 @@ from services.runtime.settings import ZenohSettings
 from services.runtime.stop_socket import drives_here
 
 CHAIN = ("capture", "detector", "tracker", "follower", "drive")
+_ROBOT = ("follower", "drive")
 _SENSOR = "sonar/main@00000001"
 _READY_S = 60.0
 _STEADY_S = 0.3
@@ -57,9 +60,12 @@ class Rig:
 
     Args:
         folder: for logs and the record of the wheels.
+        perception: whether a real camera, detector and tracker find the person; otherwise
+            something stands in for them.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, perception: bool = True) -> None:
+        self._perception = perception
         self._folder = folder
         self._resources = ExitStack()
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
@@ -82,17 +88,24 @@ class Rig:
     def __enter__(self) -> Self:
         with ExitStack() as stack:
             stack.callback(self._end_all)
-            stack.enter_context(self.camera)
+            if self._perception:
+                stack.enter_context(self.camera)
             for relay in self.relays.values():
                 stack.enter_context(relay)
-            for name in ("router", *CHAIN):
+            for name in ("router", *(CHAIN if self._perception else _ROBOT)):
                 self.start(name)
             connect = ZenohSettings(
                 connect=(f"tcp/127.0.0.1:{self._router_port}",), connect_timeout_s=_READY_S
             )
-            session = open_session(connect, logging.getLogger("rig"), _pause)
-            assert session is not None
-            self.session = stack.enter_context(session)
+
+            def opened() -> zenoh.Session:
+                session = open_session(connect, logging.getLogger("rig"), _pause)
+                assert session is not None
+                return session
+
+            self.session = stack.enter_context(opened())
+            if not self._perception:
+                stack.enter_context(StandIn(opened))
             self.session.declare_subscriber(keys.FOLLOW_COMMAND, self._note_command)
             stack.enter_context(self.ranges)
             self._resources = stack.pop_all()
@@ -150,9 +163,8 @@ class Rig:
     def press_here(self) -> None:
         """Press the emergency stop by the drive's own socket."""
         stop = self._new_stop()
-        zenoh_settings = ZenohSettings(connect=(f"tcp/127.0.0.1:{self.relays['drive'].port}",))
         with _run_folder(self._run_folder):
-            drives_here(robot_name(zenoh_settings), stop, 1.0)
+            drives_here(self._robot_name(), stop, 1.0)
 
     def press(self) -> None:
         """Press the emergency stop as any program does: one message, sent once."""
@@ -164,16 +176,28 @@ class Rig:
         Raises:
             HeelError: somebody goes on holding it.
         """
-        self.await_alive("drive", "follower")
         deadline_s = time.monotonic() + _READY_S
-        while held := self._held():
-            for name in {one.id for one in held}:
-                t_ns = max(one.t_ns for one in held)
-                release = EStop(engaged=False, source="benchmark", id=name, t_ns=t_ns)
+        while (held := self._held()) or not (self._drive_is_free() and self._follower_is_free()):
+            for one in held:
+                release = EStop(engaged=False, source="benchmark", id=one.id, t_ns=one.t_ns)
                 self.publish(keys.FOLLOW_ESTOP, release)
             if time.monotonic() > deadline_s:
-                raise HeelError("the emergency stop cannot be released")
+                raise HeelError(f"the emergency stop cannot be released: see {self._folder}")
             time.sleep(0.1)
+
+    def _drive_is_free(self) -> bool:
+        with _run_folder(self._run_folder):
+            answers = drives_here(self._robot_name(), None, 1.0)
+        return bool(answers) and all(one.state and not one.state.estop for one in answers)
+
+    def _follower_is_free(self) -> bool:
+        for reply in self.session.get(keys.FOLLOW_STATE, timeout=1.0):
+            if reply.ok is not None:
+                return not decode(FollowState, reply.ok.payload.to_bytes()).estop
+        return False
+
+    def _robot_name(self) -> str:
+        return robot_name(ZenohSettings(connect=(f"tcp/127.0.0.1:{self.relays['drive'].port}",)))
 
     def _held(self) -> list[EStop]:
         held = []
@@ -272,7 +296,7 @@ class Rig:
                 if now_s >= choose_s:
                     self.choose_nearest()
                     choose_s = now_s + _CHOOSE_EVERY_S
-                if now_s >= doubt_s:
+                if now_s >= doubt_s and self._perception:
                     self.signal("tracker", signal.SIGKILL)
                     self.restart("tracker")
                     doubt_s = now_s + _DOUBT_S

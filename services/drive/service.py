@@ -52,9 +52,7 @@ class DriveService:
         self._state: DriveState | None = None
         self._rounds = 0
         self._pressed: deque[EStop] = deque(maxlen=_MOST_PRESSED)
-        resources.enter_context(
-            StopSocket(context.robot, self._pressed.append, self._look, context.log)
-        )
+        resources.enter_context(StopSocket(context.robot, self._press, self._look, context.log))
 
     def run(self) -> None:
         """Drive until the service is stopped, then stand.
@@ -93,14 +91,16 @@ class DriveService:
             with self._context.surviving("obeying"):
                 stops = arrival is not None and self._stops(arrival)
             # Speeding up waits for its turn, a stop does not.
-            if stops:
+            if stops or self._pressed:
                 self._round()
 
     def _round(self) -> None:
         started_s = time.monotonic()
-        self._take_pressed(started_s)
+        news = self._take_pressed(started_s)
         state = self._drive.step(started_s)
         self._wheels.turn(state.linear_mps, state.angular_radps)
+        if news:
+            self._stop.publish()
         self._state, self._rounds = state, self._rounds + 1
         self._publish(state, time.monotonic() - started_s)
         if (reading := self._wheels.odometry()) is not None:
@@ -112,10 +112,17 @@ class DriveService:
         """For the stop socket: what the wheels were told last, and the number of rounds."""
         return self._state, self._rounds
 
-    def _take_pressed(self, now_s: float) -> None:
+    def _press(self, stop: EStop) -> None:
+        """For the stop socket: obey in a round of its own."""
+        self._pressed.append(stop)
+        self._context.inbox.interrupt()
+
+    def _take_pressed(self, now_s: float) -> bool:
+        """Whether a stop came by the socket that others have to hear of."""
+        news = False
         while self._pressed:
-            if self._stop.take(self._pressed.popleft(), now_s):
-                self._stop.publish()
+            news |= self._stop.take(self._pressed.popleft(), now_s)
+        return news
 
     def _publish(self, state: DriveState, busy_s: float) -> None:
         now_s = time.monotonic()

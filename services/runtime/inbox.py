@@ -65,6 +65,7 @@ class Inbox:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._ready = threading.Condition()
+        self._interrupted = False
         self._rings: dict[str, deque[Arrival]] = {}
         self._pumps: list[tuple[_Subscriber, threading.Thread]] = []
         self.overflowed: dict[str, int] = {}
@@ -118,8 +119,14 @@ class Inbox:
                 ring.append(arrival)
                 self._ready.notify_all()
 
+    def interrupt(self) -> None:
+        """End the wait of `get`, or of the next one: something came another way."""
+        with self._ready:
+            self._interrupted = True
+            self._ready.notify_all()
+
     def get(self, timeout_s: float, *topics: str) -> Arrival | None:
-        """Take the message that waits longest, or None after `timeout_s`.
+        """Take the message that waits longest, or None after `timeout_s` or an interruption.
 
         Args:
             timeout_s: deadline of the wait; 0 only looks.
@@ -132,6 +139,9 @@ class Inbox:
                 waiting = [ring for ring in rings if ring]
                 if waiting:
                     return min(waiting, key=lambda ring: ring[0].arrived_s).popleft()
+                if self._interrupted:
+                    self._interrupted = False
+                    return None
                 remaining_s = deadline_s - time.monotonic()
                 if remaining_s <= 0 or not self._ready.wait(remaining_s):
                     return None
