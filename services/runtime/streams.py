@@ -33,7 +33,9 @@ _RIVAL_S = 2.0
 _REFUSED_S = 0.5
 """Nothing but refusals for so long is a problem."""
 END_HOLD_S = 0.5
-"""Live, nothing may follow an end for so long before it is believed."""
+"""Nothing may follow an end for so long before it is believed."""
+_UNSEEN_HOLD_S = 5.0
+"""The same before the first frame: somebody may tell an end while a camera is about to start."""
 
 M = TypeVar("M", bound=Message)
 
@@ -154,8 +156,9 @@ class StreamJudge:
     def ended(self, now_s: float) -> EndOfStream | None:
         """The end of the stream, once.
 
-        Live it has to hold: an end is told behind the last frame on the same key, so one that
-        frames follow was somebody else's.
+        It has to hold: an end is told behind the last frame on the same key, so one that frames
+        follow was somebody else's. Where nothing is lost, one right behind the last frame holds at
+        once.
         """
         if self._ending is None:
             return None
@@ -165,7 +168,10 @@ class StreamJudge:
             self.warn.warning(f"{self.topic}-end", f"{self.topic}: an end that frames follow "
                               f"({end.reason[:80]!r}) is not believed", now_s)  # fmt: skip
             return None
-        if self.live and now_s - arrived_s < END_HOLD_S:
+        seen = self.watch.line is not None
+        right_behind = seen and not self.live and end.frames == seq + 1
+        hold_s = 0.0 if right_behind else END_HOLD_S if seen else _UNSEEN_HOLD_S
+        if now_s - arrived_s < hold_s:
             return None
         self._ending = None
         return end

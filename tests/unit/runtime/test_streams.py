@@ -316,10 +316,25 @@ def test_an_end_that_frames_follow_was_somebody_elses(
     assert "is not believed" in caplog.text
 
 
-def test_without_loss_an_end_holds_at_once(judge: StreamJudge) -> None:
+@pytest.mark.parametrize(("frames", "at_once"), [(1, True), (9, False)])
+def test_without_loss_an_end_right_behind_the_last_frame_holds_at_once(
+    frames: int, at_once: bool, judge: StreamJudge
+) -> None:
     lossless = StreamJudge("tracks", qos.TRACKS, judge.statistics, judge.warn, live=False)
-    lossless.ending(end_of(0))
-    assert lossless.ended(0.1) is not None
+    lossless.message(arrival_of(tracks(0), 0.0), Tracks)
+    lossless.ending(end_of(frames))
+    assert (lossless.ended(0.1) is not None) == at_once
+    assert at_once or lossless.ended(0.1 + END_HOLD_S) is not None
+
+
+def test_an_end_before_the_first_frame_waits_for_a_camera_that_starts(judge: StreamJudge) -> None:
+    judge.ending(end_of(3))
+    assert judge.ended(3.0) is None
+    judge.message(arrival_of(tracks(0), 3.1), Tracks)
+    assert judge.ended(99.0) is None
+    other = StreamJudge("tracks", qos.TRACKS, judge.statistics, judge.warn)
+    other.ending(end_of(0))
+    assert other.ended(6.0) is not None
 
 
 def test_a_frame_is_no_younger_than_the_time_since_it_was_taken() -> None:
