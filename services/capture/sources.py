@@ -96,6 +96,15 @@ def _is_device(spec: str) -> bool:
         return spec.startswith(("/dev/video", "/dev/v4l/"))
 
 
+def _is_animated(path: Path) -> bool:
+    """Whether a PNG holds more than one picture: its animation chunk precedes the first."""
+    try:
+        with path.open("rb") as file:
+            return path.suffix.lower() == ".png" and b"acTL" in file.read(4096)
+    except OSError:
+        return False
+
+
 def _open_recording(spec: str, warn: Warn) -> FrameSource:
     if spec.startswith(SCENE_PREFIX):
         return open_scene(spec)
@@ -111,6 +120,6 @@ def _open_recording(spec: str, warn: Warn) -> FrameSource:
             "/dev/videoN, an rtsp:// or http:// "
             "address, or scene:demo"
         )
-    if path.suffix.lower() in IMAGE_SUFFIXES and path.stat().st_size:
+    if path.suffix.lower() in IMAGE_SUFFIXES and path.stat().st_size and not _is_animated(path):
         return ImageFolderSource([path], shown_path(path), warn=warn)
     return VideoFileSource(path, warn)

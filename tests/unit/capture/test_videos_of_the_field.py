@@ -178,6 +178,19 @@ def test_a_file_name_that_is_not_utf8_is_read_and_can_be_named(tmp_path: Path) -
         assert source.name.encode().endswith(rb"caf\xe9.mp4")
 
 
+def test_an_animated_png_is_a_recording_of_all_its_pictures(tmp_path: Path) -> None:
+    path = tmp_path / "walk.png"
+    with av.open(str(path), "w", format="apng") as container:
+        stream = container.add_stream("apng", rate=10)
+        assert isinstance(stream, VideoStream)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "rgb24"
+        for index in range(4):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture(index), "bgr24")))
+        container.mux(stream.encode(None))
+    with open_source(str(path)) as source:
+        assert [index_of(frame.image) for frame in iter(source.read, None)] == [0, 1, 2, 3]
+
+
 def test_sound_alone_is_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "sound.wav"
     with av.open(str(path), "w") as container:
