@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from evaluation.scenarios.perception import STREAM, Perception, Senses, camera_info
-from evaluation.scenarios.user import User
+from evaluation.scenarios.user import Chooser, User
 from evaluation.scenarios.witness import Moment, Witness
 from schemas import FrameId, MotionCommand, SimTruth, Target, TargetRequest, Tracks
 from services.drive.core import Drive
@@ -49,12 +49,13 @@ class ClosedLoop:
         drive: waiting.
         film: gets every picture; None for none.
         senses: what the robot has besides the camera.
+        user: chooses; None for somebody who clicks on the target.
     """
 
     def __init__(
         self, world: World, mount: CameraMount, perception: Perception, follower: Follower,
         drive: Drive,
-        film: Film | None = None, senses: Senses | None = None,
+        film: Film | None = None, senses: Senses | None = None, user: Chooser | None = None,
     ) -> None:  # fmt: skip
         self._world = world
         self._mount = mount
@@ -66,7 +67,7 @@ class ClosedLoop:
         self._frame_ms = round(1000 / mount.fps)
         self._witness = Witness(world, mount)
         self._target = [person.role for person in world.people].index("target")
-        self._user = User(self._target)
+        self._user: Chooser = User(self._target) if user is None else user
         self._visible = [0.0] * len(world.people)
         self._sightings: deque[_Sighting] = deque()
         self._newest: _Sighting | None = None

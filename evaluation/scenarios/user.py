@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Protocol
 
 from schemas import HeelError, SimTruth, Target, TargetRequest
 
@@ -13,6 +14,20 @@ _AGAIN_S = 0.5
 _LEAST_VISIBLE = 0.5
 _DOWN = 0.4
 """Share of the box above the click: one clicks on the chest."""
+
+
+class Chooser(Protocol):
+    """Somebody before the page."""
+
+    def act(
+        self,
+        now_s: float,
+        choose: Callable[[TargetRequest], Target],
+        shown: Target,
+        truth: SimTruth,
+        people_by_track: dict[int, int],
+    ) -> None:
+        """Look at the newest picture, and choose if it is time to; arguments as `User.act`."""
 
 
 class User:

@@ -19,12 +19,16 @@ from schemas.base import BoxXyxy
 Affine = NDArray[np.float64]
 """(2, 3) matrix that maps pixels of an older frame to pixels of a newer one."""
 
+Homography = NDArray[np.float64]
+"""(3, 3) matrix that maps pixels of an older frame to pixels of a newer one."""
+
 _MOST_CORNERS, _CORNER_QUALITY, _CORNER_SPACING_PX = 250, 0.01, 8
 _WINDOW_PX, _PYRAMID_LEVELS = 15, 4
 _INLIER_PX = 1.0
 _STILL_PX = 0.3
 _LEAST_CORNERS = 12
 _LEAST_SHARE = 0.3
+_LEAST_TURN_SHARE = 0.5
 _LEAST_SPREAD = (0.35, 0.2)
 """Share of the picture's width and height that corners have to span."""
 _LARGEST_ZOOM = 1.3
@@ -113,32 +117,71 @@ def estimate_motion(
     before: NDArray[np.uint8], now: NDArray[np.uint8], free: NDArray[np.uint8]
 ) -> MotionEstimate:
     """Motion from one (H, W) uint8 picture to another; `free` as `EgoMotion.update`."""
+    tracked = _tracked_corners(before, now, free)
+    if tracked is None:
+        return no_motion()
+    corners, found, looked_at = tracked
+    affine, inliers = cv2.estimateAffinePartial2D(
+        corners, found, method=cv2.RANSAC, ransacReprojThreshold=_INLIER_PX
+    )
+    if affine is None:
+        return no_motion()
+    share = float(np.count_nonzero(inliers)) / looked_at
+    zoom = float(np.hypot(affine[0, 0], affine[1, 0]))
+    agreeing = corners[np.asarray(inliers).ravel() == 1].reshape(-1, 2)
+    plausible = 1.0 / _LARGEST_ZOOM < zoom < _LARGEST_ZOOM and _is_spread(agreeing, now)
+    if share < _LEAST_SHARE or not plausible:
+        return no_motion()
+    flow = (found - corners).reshape(-1, 2)
+    still = float(np.count_nonzero((flow**2).sum(axis=1) < _STILL_PX**2)) / looked_at
+    return MotionEstimate(np.asarray(affine, np.float64), min(share, 1.0), still)
+
+
+def estimate_turn(
+    before: NDArray[np.uint8], now: NDArray[np.uint8], free: NDArray[np.uint8]
+) -> Homography | None:
+    """How a camera that turned, but did not drive, sees the points of another picture.
+
+    Turning maps points at any distance by one homography (R. Hartley, A. Zisserman, "Multiple view
+    geometry", 2004, section 8.4); driving does not, where they are at several.
+
+    Args:
+        before, now: (H, W) uint8.
+        free: as `EgoMotion.update`.
+
+    Returns:
+        (3, 3) old to new pixels; None where too few corners agree with any.
+    """
+    tracked = _tracked_corners(before, now, free)
+    if tracked is None:
+        return None
+    corners, found, looked_at = tracked
+    homography, inliers = cv2.findHomography(corners, found, cv2.RANSAC, _INLIER_PX)
+    if homography is None or np.count_nonzero(inliers) < _LEAST_TURN_SHARE * looked_at:
+        return None
+    return np.asarray(homography, np.float64)
+
+
+def _tracked_corners(
+    before: NDArray[np.uint8], now: NDArray[np.uint8], free: NDArray[np.uint8]
+) -> tuple[NDArray[np.float32], NDArray[np.float32], int] | None:
+    """(N, 1, 2) corners of the picture before, where each is now, and how many were looked for."""
     corners = cv2.goodFeaturesToTrack(
         before, _MOST_CORNERS, _CORNER_QUALITY, _CORNER_SPACING_PX, mask=free
     )
     if corners is None or len(corners) < _LEAST_CORNERS:
-        return no_motion()
+        return None
     found, status, _ = cv2.calcOpticalFlowPyrLK(
         before, now, corners, np.zeros_like(corners), winSize=(_WINDOW_PX, _WINDOW_PX),
         maxLevel=_PYRAMID_LEVELS,
     )  # fmt: skip
     tracked = np.asarray(status).ravel() == 1
     if np.count_nonzero(tracked) < _LEAST_CORNERS:
-        return no_motion()
-    affine, inliers = cv2.estimateAffinePartial2D(
-        corners[tracked], found[tracked], method=cv2.RANSAC, ransacReprojThreshold=_INLIER_PX
-    )
-    if affine is None:
-        return no_motion()
-    share = float(np.count_nonzero(inliers)) / len(corners)
-    zoom = float(np.hypot(affine[0, 0], affine[1, 0]))
-    agreeing = corners[tracked][np.asarray(inliers).ravel() == 1].reshape(-1, 2)
-    plausible = 1.0 / _LARGEST_ZOOM < zoom < _LARGEST_ZOOM and _is_spread(agreeing, now)
-    if share < _LEAST_SHARE or not plausible:
-        return no_motion()
-    flow = (found - corners)[tracked].reshape(-1, 2)
-    still = float(np.count_nonzero((flow**2).sum(axis=1) < _STILL_PX**2)) / len(corners)
-    return MotionEstimate(np.asarray(affine, np.float64), min(share, 1.0), still)
+        return None
+    return (
+        np.asarray(corners[tracked], np.float32), np.asarray(found[tracked], np.float32),
+        len(corners),
+    )  # fmt: skip
 
 
 def _is_spread(corners: NDArray[np.float32], picture: NDArray[np.uint8]) -> bool:

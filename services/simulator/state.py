@@ -15,6 +15,9 @@ Colour = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""
 Role = Literal["target", "twin", "other"]
 ObstacleKind = Literal["wall", "pillar", "furniture"]
+Look = Literal["plain", "drawn person", "clothes", "coat stand", "glass"]
+"""What an obstacle looks like: what belongs to its kind; somebody life-size on paper; painted in
+the colours of clothes; a stand with a coat and a hat; a pane that mirrors people."""
 Floor = Literal["tiles", "wood", "asphalt", "grass"]
 
 
@@ -77,6 +80,7 @@ class Obstacle:
     width_m: float
     height_m: float
     colour: Colour
+    look: Look = "plain"
 
 
 @dataclass(frozen=True, slots=True)

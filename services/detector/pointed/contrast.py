@@ -50,8 +50,23 @@ class _Bodies:
     height: Floats
 
 
-def contrast_box(image: NDArray[np.uint8], x_px: float, y_px: float) -> BoxXyxy | None:
-    """Box of the person at a point, off by up to a seventh of their height; None: nobody's shape.
+@dataclass(frozen=True, slots=True)
+class Contrast:
+    """An upright body that differs from what is around it.
+
+    Attributes:
+        box_xyxy: off by up to a seventh of its height, pixels.
+        sides: mean difference from what is on either side, in [0, 1].
+        ends: sum of those above the head and below the feet, in [0, 2].
+    """
+
+    box_xyxy: BoxXyxy
+    sides: float
+    ends: float
+
+
+def most_contrast(image: NDArray[np.uint8], x_px: float, y_px: float) -> Contrast | None:
+    """The body at a point that differs most from what is around it; None: nobody's shape.
 
     Args:
         image: (H, W, 3) uint8 BGR.
@@ -65,13 +80,15 @@ def contrast_box(image: NDArray[np.uint8], x_px: float, y_px: float) -> BoxXyxy 
         return None
     counts = _ColourCounts(small)
     sides = _side_contrast(counts, bodies)
-    total = sides + _END_WEIGHT * _end_contrast(counts, bodies)
+    ends = _end_contrast(counts, bodies)
+    total = sides + _END_WEIGHT * ends
     best = int(np.argmax(total + _LONGER * np.log(bodies.height / size[1])))
     if sides[best] < _LEAST_SIDES:
         return None
     x, top, height = (float(of[best]) / scale for of in (bodies.x, bodies.top, bodies.height))
     half = 0.5 * ASPECT * height
-    return (x - half, top, x + half, top + height)
+    box = (x - half, top, x + half, top + height)
+    return Contrast(box, float(sides[best]), float(ends[best]))
 
 
 def _candidates(rows: int, x: float, y: float) -> _Bodies:

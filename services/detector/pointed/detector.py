@@ -1,17 +1,24 @@
-"""Boxes of the person a user pointed at."""
+"""Boxes of the person a user pointed at, once there is evidence that it is one."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from schemas.base import BoxXyxy
 from services.detector.camera_motion import EgoMotion, MotionEstimate
-from services.detector.pointed.contrast import contrast_box
+from services.detector.pointed.contrast import most_contrast
+from services.detector.pointed.evidence import Evidence
 from services.detector.pointed.outline import outline_box
 from services.detector.pointed.person import Person, Sighting
+from services.detector.pointed.upright import looks_upright
 
 _FORGET_S = 30.0
+_PENDING_S = 5.0
+"""Time for which a place without evidence is watched; users were told to wait for so long."""
 _MARGIN = 0.1
 """Of a box, left out of the camera's motion, heights."""
 
@@ -27,12 +34,15 @@ class PointedAt:
         """Nobody was pointed at yet."""
         self.count = 0
         self._person: Person | None = None
+        self._evidence = Evidence()
+        self._shown = False
+        self._pending_s = 0.0
         self._ego = EgoMotion()
         self._last_ns: int | None = None
 
     @property
     def somebody(self) -> bool:
-        """Whether somebody is being looked for."""
+        """Whether somebody is being looked for, or may be there."""
         return self._person is not None
 
     def point(self, smooth: NDArray[np.uint8], x_px: float, y_px: float) -> bool:
@@ -42,13 +52,20 @@ class PointedAt:
             smooth: (H, W, 3) uint8 BGR at working size, as the next `look` gets it.
             x_px, y_px: working pixels.
         """
-        box = contrast_box(smooth, x_px, y_px)
-        if box is None:
+        if self._person is not None and _holds(self._person.box_xyxy, x_px, y_px):
+            # They are watched already: what has been seen of them so far goes on counting.
+            self._pending_s = 0.0
+            return True
+        contrast = most_contrast(smooth, x_px, y_px)
+        if contrast is None:
             return False
         if self._person is None:
             self._ego, self._last_ns = EgoMotion(), None
         self.count += 1
-        self._person = Person(outline_box(smooth, box), smooth.shape[0])
+        box = outline_box(smooth, contrast.box_xyxy)
+        self._person = Person(box, smooth.shape[0])
+        self._evidence, self._pending_s = Evidence(), 0.0
+        self._shown = looks_upright(smooth, contrast, box)
         return True
 
     def look(self, smooth: NDArray[np.uint8], t_ns: int) -> tuple[Sighting | None, MotionEstimate]:
@@ -62,11 +79,18 @@ class PointedAt:
         dt_s = 0.0 if self._last_ns is None else max(0.0, (t_ns - self._last_ns) * 1e-9)
         self._last_ns = t_ns
         grey = np.asarray(cv2.cvtColor(smooth, cv2.COLOR_BGR2GRAY), np.uint8)
-        motion = self._ego.update(grey, self._free(self._person, grey.shape))
+        free = self._free(self._person, grey.shape)
+        motion = self._ego.update(grey, free)
         sighting = self._person.look(smooth, motion.affine, dt_s)
-        if self._person.missed_s > _FORGET_S:
+        if not self._evidence.proves:
+            self._evidence.look(grey, self._person.box_xyxy, free, t_ns * 1e-9)
+        self._pending_s += dt_s
+        self._shown = self._shown or self._evidence.proves
+        if self._person.missed_s > _FORGET_S or (not self._shown and self._pending_s > _PENDING_S):
             self._person = None
-        return sighting, motion
+        if sighting is None or not self._shown:
+            return None, motion
+        return replace(sighting, proven=self._evidence.proves), motion
 
     @staticmethod
     def _free(person: Person, shape: tuple[int, ...]) -> NDArray[np.uint8]:
@@ -77,3 +101,7 @@ class PointedAt:
         rows = slice(max(0, int(top - margin)), max(0, int(bottom + margin)))
         free[rows, max(0, int(left - margin)) : max(0, int(right + margin))] = 0
         return free
+
+
+def _holds(box: BoxXyxy, x: float, y: float) -> bool:
+    return box[0] <= x <= box[2] and box[1] <= y <= box[3]

@@ -14,7 +14,7 @@ from schemas.base import BoxXyxy
 from services.detector.pointed.silhouette import ASPECT, reach
 from services.detector.pointed.view import scaled_part
 
-_HEIGHT = 72
+HEIGHT = 72
 """Of the person, as looked at, pixels."""
 _ASIDE, _ABOVE, _BELOW = 0.7, 0.5, 0.35
 """What is looked at around the person, heights."""
@@ -36,12 +36,8 @@ def outline_box(image: NDArray[np.uint8], box: BoxXyxy) -> BoxXyxy:
         image: (H, W, 3) uint8 BGR.
         box: off by up to a sixth of the height, pixels.
     """
-    height, x = box[3] - box[1], 0.5 * (box[0] + box[2])
-    scale = _HEIGHT / height
-    left, top = x - _ASIDE * height, box[1] - _ABOVE * height
-    size = round(2 * _ASIDE * _HEIGHT), round((1 + _ABOVE + _BELOW) * _HEIGHT)
-    body = _body(scaled_part(image, left, top, scale, size))
-    rows = np.flatnonzero(_widths(body, _MIDDLE) >= _LEAST_WIDTH * _HEIGHT)
+    body, scale, left, top = _cut_out(image, box)
+    rows = np.flatnonzero(_widths(body, _MIDDLE) >= _LEAST_WIDTH * HEIGHT)
     if not rows.size:
         return box
     first, last = float(rows[0]), _above_shadow(body, int(rows[0]), int(rows[-1]) + 1)
@@ -53,11 +49,35 @@ def outline_box(image: NDArray[np.uint8], box: BoxXyxy) -> BoxXyxy:
     )  # fmt: skip
 
 
+def outline(
+    image: NDArray[np.uint8], box: BoxXyxy
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """What belongs to the body in a box that fits it.
+
+    Returns:
+        (H, W) mask of what is in and around the box, and (H,) where its rows lie, from head (0) to
+        foot (1); one height of the body is `HEIGHT` pixels, its axis the middle column.
+    """
+    body, *_ = _cut_out(image, box)
+    return body, (np.arange(body.shape[0]) + 0.5) / HEIGHT - _ABOVE
+
+
+def _cut_out(
+    image: NDArray[np.uint8], box: BoxXyxy
+) -> tuple[NDArray[np.bool_], float, float, float]:
+    """The body, mask pixels a picture pixel, and the mask's corner in the picture."""
+    height, x = box[3] - box[1], 0.5 * (box[0] + box[2])
+    scale = HEIGHT / height
+    left, top = x - _ASIDE * height, box[1] - _ABOVE * height
+    size = round(2 * _ASIDE * HEIGHT), round((1 + _ABOVE + _BELOW) * HEIGHT)
+    return _body(scaled_part(image, left, top, scale, size)), scale, left, top
+
+
 def _body(view: NDArray[np.uint8]) -> NDArray[np.bool_]:
     """(H, W) where the person is: what is connected with the middle of the trunk."""
     rows, columns = view.shape[:2]
-    down = ((np.arange(rows) + 0.5) / _HEIGHT - _ABOVE)[:, None]
-    aside = np.abs((np.arange(columns) + 0.5) / _HEIGHT - _ASIDE)[None, :]
+    down = ((np.arange(rows) + 0.5) / HEIGHT - _ABOVE)[:, None]
+    aside = np.abs((np.arange(columns) + 0.5) / HEIGHT - _ASIDE)[None, :]
     maybe = (aside < _MAYBE_ASIDE) & (down > -_MAYBE_ABOVE) & (down < 1 + _MAYBE_BELOW)
     likely = (aside < ASPECT * reach(down)) | (
         (aside < _HEAD[1]) & (down > _HEAD[0][0]) & (down < _HEAD[0][1])
@@ -76,13 +96,13 @@ def _body(view: NDArray[np.uint8]) -> NDArray[np.bool_]:
                 cv2.GC_INIT_WITH_MASK)  # fmt: skip
     inside = np.isin(mask, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.uint8)
     _, labels = cv2.connectedComponents(inside, connectivity=4)
-    middle = labels[round((_ABOVE + 0.3) * _HEIGHT), columns // 2]
+    middle = labels[round((_ABOVE + 0.3) * HEIGHT), columns // 2]
     return np.asarray(labels == middle)
 
 
 def _widths(body: NDArray[np.bool_], within: float) -> NDArray[np.intp]:
     """Pixels of the body by row, not farther than so many heights from the middle."""
-    middle, half = body.shape[1] // 2, round(within * _HEIGHT)
+    middle, half = body.shape[1] // 2, round(within * HEIGHT)
     return np.asarray(body[:, middle - half : middle + half + 1].sum(axis=1))
 
 

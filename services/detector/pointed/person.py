@@ -49,12 +49,14 @@ class Sighting:
         likeness: share of the usual likeness, 1 as ever.
         in_view: share of the body inside the picture.
         doubted: whether it may be somebody else who looks alike.
+        proven: whether it is known to be a person.
     """
 
     box_xyxy: BoxXyxy
     likeness: float
     in_view: float
     doubted: bool = False
+    proven: bool = False
 
 
 class Person:

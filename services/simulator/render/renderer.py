@@ -13,6 +13,7 @@ from services.simulator.render.clothes import weaves_of
 from services.simulator.render.effects import CameraEffects, CameraFilter
 from services.simulator.render.figure import Figure
 from services.simulator.render.offscreen import OffscreenCamera
+from services.simulator.render.props import mirror_images
 from services.simulator.render.stage import Stage
 from services.simulator.state import CameraMount, Outfit, PersonState, Scenery, WorldView
 
@@ -61,7 +62,8 @@ class Renderer:
         eye = robot.x_m, robot.y_m, mount.height_m
         self._camera.place(eye, robot.heading_rad, mount.pitch_rad)
         self._stage.centre_far_view(*eye)
-        self._cast(world.people)
+        images = mirror_images(world.people, world.scenery.obstacles, eye[:2])
+        self._cast((*world.people, *images))
         return self._camera.draw()
 
     def _cast(self, people: tuple[PersonState, ...]) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from services.simulator.render import surfaces
+from services.simulator.render import props, surfaces
 from services.simulator.render.grounds import PERIOD_M, ground
 from services.simulator.render.materials import texture
 from services.simulator.render.meshes import Mesh, joined, loft, node, patch
@@ -72,6 +72,9 @@ class Stage:
 
     def _add(self, obstacle: Obstacle, indoors: bool) -> None:
         kind = int(self._rng.integers(surfaces.FURNITURE_KINDS))
+        if obstacle.look in ("coat stand", "glass"):
+            self._stand(obstacle)
+            return
         picture = self._picture(obstacle, indoors, kind)
         length, width, height = obstacle.length_m, obstacle.width_m, obstacle.height_m
         faces = list(_faces(obstacle, whole=obstacle.kind == "furniture"))
@@ -84,7 +87,22 @@ class Stage:
             for y, turn in ((-width / 2, 0.0), (width / 2, 180.0)):
                 self._hang_posters(shape, length, y, turn)
 
+    def _stand(self, obstacle: Obstacle) -> None:
+        """What is no box."""
+        glass = obstacle.look == "glass"
+        shapes = (
+            [props.frame_of_glass(obstacle)] if glass else props.coat_stand(obstacle, self._seed)
+        )
+        for shape in shapes:
+            shape.reparent_to(self.root)
+            shape.set_pos(obstacle.x_m, obstacle.y_m, 0.0)
+            shape.set_h(math.degrees(obstacle.heading_rad))
+
     def _picture(self, obstacle: Obstacle, indoors: bool, kind: int) -> Picture:
+        if obstacle.look == "drawn person":
+            return props.drawn_person(self._seed)
+        if obstacle.look == "clothes":
+            return props.dressed_front(self._seed)
         if obstacle.kind == "furniture":
             return surfaces.furniture(self._seed, kind)
         if obstacle.kind == "pillar":

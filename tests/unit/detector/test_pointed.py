@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from schemas import Blobs, Pointed
 from services.detector.core import Detector
-from services.detector.pointed.contrast import contrast_box
+from services.detector.pointed.contrast import most_contrast
 from services.detector.pointed.doubt import Doubt
 from services.detector.pointed.exposure import Exposure
 from services.detector.pointed.outline import outline_box
@@ -99,14 +99,14 @@ def on_person(message: Blobs, x: float, height: float = 150.0) -> bool:
 def test_a_person_at_a_point_is_found_from_head_to_foot(height: float, down: float) -> None:
     picture = cv2.GaussianBlur(seen(230.0, height), (5, 5), 0)
     true = person_box(230.0, height)
-    about = contrast_box(np.asarray(picture, np.uint8), 226.0, true[1] + down * height)
+    about = most_contrast(np.asarray(picture, np.uint8), 226.0, true[1] + down * height)
     assert about is not None
-    found = outline_box(np.asarray(picture, np.uint8), about)
+    found = outline_box(np.asarray(picture, np.uint8), about.box_xyxy)
     assert overlap(found, true) > 0.8
 
 
 def test_nobody_is_found_where_nobody_stands() -> None:
-    assert contrast_box(seen(None), 240.0, 170.0) is None
+    assert most_contrast(seen(None), 240.0, 170.0) is None
 
 
 def test_who_stands_from_the_start_is_seen_once_pointed_at_and_only_then() -> None:
