@@ -68,8 +68,7 @@ class Outcome:
 
     Attributes:
         box_s, proven_s: from the click to the first box that was right, and to proof; None: never.
-        box_on_nothing: whether a box without a person was shown.
-        taken: whether such a box was the target.
+        box_on_nothing: whether the target had a box without a person.
         driven: whether the robot drove after it.
         top_mps: its greatest speed then.
         reason: what the page said last.
@@ -81,7 +80,6 @@ class Outcome:
     box_s: float | None
     proven_s: float | None
     box_on_nothing: bool
-    taken: bool
     driven: bool
     top_mps: float
     reason: str
@@ -126,13 +124,12 @@ class _OneClick:
         self._follower, self._eyes = follower, eyes
         self._rng = np.random.default_rng([world.seed, AIMS.index(aim)])
         self._person = [person.role for person in world.people].index("target")
-        self._before: set[int] = set()
         self._clicked_s: float | None = None
         self._impossible = False
         self._box_s: float | None = None
         self._proven_s: float | None = None
-        self._on_nothing: dict[int, int] = {}
-        self._taken = self._driven = False
+        self._on_nothing_frames = 0
+        self._driven = False
         self._top_mps = 0.0
         self._claims: list[Claim] = []
 
@@ -148,7 +145,6 @@ class _OneClick:
             if place is None:
                 return
             self._clicked_s = now_s
-            self._before = {track.id for track in self._eyes.tracks}
             # A refusal is a right answer, too.
             with suppress(HeelError):
                 choose(TargetRequest(mode="point", x_px=place[0], y_px=place[1]))
@@ -158,17 +154,14 @@ class _OneClick:
             return None
         return Outcome(
             name, seed, self._aim, self._box_s, self._proven_s,
-            any(frames >= _SHOWN_FRAMES for frames in self._on_nothing.values()),
-            self._taken, self._driven, self._top_mps, self._follower.state.reason,
-            tuple(self._claims),
+            self._on_nothing_frames >= _SHOWN_FRAMES, self._driven, self._top_mps,
+            self._follower.state.reason, tuple(self._claims),
         )  # fmt: skip
 
     def _watch(self, since_s: float, shown: Target, people_by_track: dict[int, int]) -> None:
         for track in self._eyes.tracks:
-            on = people_by_track.get(track.id)
-            if on is None and track.id not in self._before:
-                self._on_nothing[track.id] = self._on_nothing.get(track.id, 0) + 1
             if track.id == shown.track_id:
+                on = people_by_track.get(track.id)
                 right = on is not None and (self._aim != "person" or on == self._person)
                 self._claims.append(Claim(track.identity_confidence, track.proven, right))
                 self._note(since_s, track, on, right)
@@ -179,7 +172,7 @@ class _OneClick:
         if right and track.proven and self._proven_s is None:
             self._proven_s = since_s
         if on is None:
-            self._taken = True
+            self._on_nothing_frames += 1
             speed_mps = abs(self._follower.state.linear_mps)
             self._driven = self._driven or speed_mps > _DRIVES_MPS
             self._top_mps = max(self._top_mps, speed_mps)
