@@ -294,7 +294,10 @@ class Follower:
         )  # fmt: skip
         if sight in ("clear", "doubtful"):
             self._seen_s = self._tracks_s
-        if sight != "clear":
+        proven = track is None or track.proven
+        # While it may be a thing, its confidence is low; time in sight counts all the same, so
+        # that proof, which itself takes time, lets the robot start at once.
+        if sight != "clear" and (proven or sight != "doubtful"):
             self._clear_since_s = None
         elif self._clear_since_s is None:
             self._clear_since_s = self._tracks_s
@@ -314,7 +317,7 @@ class Follower:
             searching_s=now_s - self._since_s if self._name == "searching" else 0.0,
             looked_everywhere=target.track_id not in self._people.known
             or (self._search is not None and self._search.over),
-            proven=track is None or track.proven,
+            proven=proven,
             stale=None if tracks_age_s is None else self._freshness.judge(now_s, tracks_age_s),
             frozen=self._picture.frozen,
         )

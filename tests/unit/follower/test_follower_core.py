@@ -65,6 +65,12 @@ def test_what_is_not_proven_to_be_a_person_is_only_turned_to() -> None:
     assert is_zero(gone)
 
 
+def test_who_is_proven_after_a_time_in_sight_is_followed_at_once() -> None:
+    made = following(tracks(person(1, height=FAR, proven=False, identity_confidence=0.6)))
+    drive(made)
+    assert drive(made, 0.0, seen=tracks(person(1, height=FAR))).state == "following"
+
+
 def test_proof_lets_the_robot_drive_and_a_doubt_of_it_stops_it_at_once() -> None:
     made = following()
     assert drive(made).linear_mps > 0.3
