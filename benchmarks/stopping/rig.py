@@ -75,7 +75,7 @@ class Rig:
         self._record = folder / "wheels.txt"
         self._record.write_text("")
         self._router_port = _free_port()
-        self.camera = FaultyCamera()
+        self._camera = FaultyCamera() if perception else None
         self.ranges = RangeSensor(self._publish_ranges, self._publish_spoilt_ranges)
         self.relays = {name: Relay(self._router_port) for name in (*CHAIN, "viewer")}
         self.engagement = ""
@@ -88,8 +88,8 @@ class Rig:
     def __enter__(self) -> Self:
         with ExitStack() as stack:
             stack.callback(self._end_all)
-            if self._perception:
-                stack.enter_context(self.camera)
+            if self._camera is not None:
+                stack.enter_context(self._camera)
             for relay in self.relays.values():
                 stack.enter_context(relay)
             for name in ("router", *(CHAIN if self._perception else _ROBOT)):
@@ -114,11 +114,17 @@ class Rig:
     def __exit__(self, *_: object) -> None:
         self._resources.close()
 
+    @property
+    def camera(self) -> FaultyCamera:
+        """The camera of a rig that has one."""
+        assert self._camera is not None
+        return self._camera
+
     def start(self, name: str, *more: str) -> None:
         """Start one process, with flags beyond its usual ones."""
         flags = {
             "router": ("--listen", f"tcp/127.0.0.1:{self._router_port}"),
-            "capture": (self.camera.address,),
+            "capture": () if self._camera is None else (self._camera.address,),
             # To turn after somebody who went away, and to look for them, is motion on purpose.
             "follower": ("--target", "nearest", "--hold-s", "0", "--search-s", "0"),
             "drive": ("--driver", "record", "--driver-options", str(self._record)),
