@@ -19,7 +19,7 @@ _PASSES, _ALONG = 0.08, 0.3
 """Pixels that go so far, heights, while the box goes less than this share of it, pass by."""
 _SLIDES = 0.03
 """A box that goes so far, heights, while its pixels do not go the same way, slides over a wall."""
-_NEEDED_S, _NEEDED_AFTER_OTHERS_S = 0.25, 1.2
+_NEEDED_S, _NEEDED_AFTER_OTHERS_S = 0.35, 1.2
 """How long they have to walk; longer, where it began with somebody from aside: who passes by at
 1 m/s is before a body for half a second."""
 _QUIET_S = 0.3
