@@ -21,7 +21,8 @@ _FORGOTTEN_AFTER_S = 0.6
 _LEAVES_MPS, _DOUBTFULLY_LEAVES_MPS = 2.0, 0.5
 _LEAVES_SHARE, _DOUBTFULLY_LEAVES_SHARE = 0.1, 0.02
 """Nobody is suddenly farther away: they walk there, and a box is that much wrong."""
-_NEARER_SHARE = 0.06
+_NEARER, _NEARER_SHARE = 0.95, 0.1
+"""Beyond what boxes vary: then the nearer place counts, as surely as if it were certain."""
 _HEIGHT_RESERVE_M = 0.35
 """Somebody of 0.9 m, taken for an adult 1.5 m away, is 0.8 m away."""
 
@@ -33,6 +34,7 @@ class Person:
     Attributes:
         distance_m, bearing_rad: from the camera when the picture was taken.
         seen_s: when that was.
+        place: where the camera saw them, in the plane of `filter`, which smooths it.
         certain: whether all that is seen fits somebody who stands there.
         by_height: whether their distance rests on the assumed height of people.
         reserve_m: by how much it may be less than told for that reason.
@@ -42,6 +44,7 @@ class Person:
     distance_m: float
     bearing_rad: float
     seen_s: float
+    place: tuple[float, float]
     filter: PlaceFilter
     box_scale: BoxScale
     width: LearnedWidth
@@ -140,10 +143,11 @@ class People:
         if known is not None and not place.told:
             distance_m = min(distance_m, _farthest_m(known, pose, t_s, place.certain))
         sigma_m = place.distance_sigma_m
-        if known is not None and not place.certain and distance_m < _last_m(known, pose):
+        if known and not place.certain and distance_m < _NEARER * _smoothed_m(known, pose):
             # In doubt the nearer one wins, and at once.
             sigma_m = min(sigma_m, _NEARER_SHARE * distance_m)
-        where = np.array(pose.place(distance_m, place.bearing_rad))
+        seen_at = pose.place(distance_m, place.bearing_rad)
+        where = np.array(seen_at)
         covariance = polar_covariance(
             pose.heading_rad + place.bearing_rad, distance_m, sigma_m, place.bearing_sigma_rad
         )
@@ -158,8 +162,8 @@ class People:
                 box_scale.learn(place.distance_m, measured_m, t_s)
         unsure = place.by_height and not box_scale.measured(t_s)
         return Person(
-            track_id, distance_m, place.bearing_rad, t_s, made, box_scale, width, place.certain,
-            place.by_height, _HEIGHT_RESERVE_M if unsure else 0.0,
+            track_id, distance_m, place.bearing_rad, t_s, seen_at, made, box_scale, width,
+            place.certain, place.by_height, _HEIGHT_RESERVE_M if unsure else 0.0,
         )  # fmt: skip
 
 
@@ -172,12 +176,12 @@ def _has_area(track: Track) -> bool:
 def _farthest_m(known: Person, pose: Pose, t_s: float, certain: bool) -> float:
     """As far as somebody can have walked since they were last seen."""
     since_s = max(0.0, t_s - known.seen_s)
-    last_m = _last_m(known, pose)
+    last_m = math.hypot(*pose.seen(*known.place))
     if certain:
         return (1.0 + _LEAVES_SHARE) * last_m + _LEAVES_MPS * since_s
     return (1.0 + _DOUBTFULLY_LEAVES_SHARE) * last_m + _DOUBTFULLY_LEAVES_MPS * since_s
 
 
-def _last_m(known: Person, pose: Pose) -> float:
-    """How far away from a pose somebody was when last seen."""
+def _smoothed_m(known: Person, pose: Pose) -> float:
+    """How far away from a pose somebody was when last seen, as their filter says."""
     return math.hypot(*pose.seen(*known.filter.place_at(known.filter.t_s)))

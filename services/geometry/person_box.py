@@ -27,7 +27,8 @@ class PersonModel:
             share of the box's height.
         pitch_sigma_rad: how much a robot rocks; each 0.01 rad moves a person who is 3 m away
             from a camera 0.8 m high by 0.12 m.
-        border_px: an edge so near to the picture's border is cut off.
+        border_share: an edge so near to the picture's border, as a share of the picture's height,
+            is cut off: trackers smooth edges, and smoothed ones only come near it.
     """
 
     height_m: float = 1.7
@@ -37,7 +38,7 @@ class PersonModel:
     edge_sigma_px: float = 1.5
     edge_sigma_share: float = 0.02
     pitch_sigma_rad: float = 0.01
-    border_px: float = 2.0
+    border_share: float = 0.015
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,19 +69,23 @@ class PersonBox:
         return None
 
     @property
+    def _border_px(self) -> float:
+        return self.model.border_share * self.camera.height_px
+
+    @property
     def head_seen(self) -> bool:
         """Whether the upper edge is one, and not the picture's border."""
-        return self.top > self.model.border_px
+        return self.top > self._border_px
 
     @property
     def feet_seen(self) -> bool:
         """Whether the lower edge is one, and not the picture's border."""
-        return self.bottom < self.camera.height_px - self.model.border_px
+        return self.bottom < self.camera.height_px - self._border_px
 
     @property
     def both_sides_seen(self) -> bool:
         """Whether the box is as wide as it would be in a larger picture."""
-        border_px = self.model.border_px
+        border_px = self._border_px
         return self.left > border_px and self.right < self.camera.width_px - border_px
 
     @property
@@ -143,8 +148,8 @@ class PersonBox:
             return farthest_m
         tallest_m = model.height_m + _TALL_SIGMAS * model.height_sigma_m
         over_camera_m = tallest_m - camera.mount_height_m
-        highest = camera.slope(self._middle_px, model.border_px)
-        lowest = camera.slope(self._middle_px, camera.height_px - model.border_px)
+        highest = camera.slope(self._middle_px, self._border_px)
+        lowest = camera.slope(self._middle_px, camera.height_px - self._border_px)
         if not self.head_seen and over_camera_m > 0 and highest < 0:
             farthest_m = over_camera_m / -highest
         if not self.feet_seen and lowest > 0:
