@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+LONGEST_GAP_S = 0.5
+"""A machine too slow for a recording shows it slowly rather than not at all; chosen by hand."""
+
 
 class Pacer:
     """Deadlines on a grid of `1 / fps` seconds that starts with the first frame.
 
     Every deadline is computed from the start, so that rounding and late wake-ups do not add up. A
-    player that falls behind does not burst: `frames_behind` says how many frames to leave out.
+    player that falls behind does not burst: `frames_behind` says how many frames to leave out. One
+    that stays behind for half a second starts anew with the frame at hand: leaving out takes time
+    too, and a busy machine left out everything (387 frames of 413).
 
     Example:
         pacer = Pacer(25.0)
@@ -19,6 +24,7 @@ class Pacer:
     def __init__(self, fps: float) -> None:
         self._fps = fps
         self._start_s: float | None = None
+        self._shown_s: float | None = None
 
     def due_s(self, index: float, now_s: float) -> float:
         """When frame `index` is due, on the clock of `now_s`; the first one asked for is due now.
@@ -38,11 +44,18 @@ class Pacer:
     def frames_behind(self, index: float, now_s: float) -> int:
         """How many frames from `index` on should be left out because a later one is due already.
 
-        The frame shown in their place is at most one frame period late.
+        The frame shown in their place is at most one frame period late, unless nothing has been
+        shown for half a second.
         """
+        starved = self._shown_s is not None and now_s - self._shown_s > LONGEST_GAP_S
+        if starved and now_s > self.due_s(index, now_s):
+            self.resume(index, now_s)
         # A nanosecond of slack: a wait that ends on its deadline must not count as late.
         lateness_s = now_s - self.due_s(index, now_s) + 1e-9
-        return max(0, int(lateness_s * self._fps))
+        behind = max(0, int(lateness_s * self._fps))
+        if behind == 0:
+            self._shown_s = max(now_s, self.due_s(index, now_s))
+        return behind
 
     def resume(self, index: float, now_s: float) -> None:
         """Start the grid anew with frame `index` due now, after a pause that nobody should see."""

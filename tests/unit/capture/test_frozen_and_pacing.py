@@ -79,6 +79,23 @@ def test_a_late_player_leaves_out_what_is_overdue(
     assert pacer.frames_behind(index, now_s) == behind
 
 
+def test_a_player_too_slow_to_catch_up_goes_on_showing_frames() -> None:
+    """Each frame takes 0.1 s even if it is left out, and 25 are due a second."""
+    pacer, now_s, shown = Pacer(25.0), 10.0, 0
+    for index in range(200):
+        shown += pacer.frames_behind(index, now_s) == 0
+        now_s += 0.1
+    assert 20 <= shown <= 80
+
+
+def test_a_slow_rate_is_no_delay() -> None:
+    pacer = Pacer(0.5)
+    for index in range(4):
+        # Half of the frames are read well before they are due.
+        assert pacer.frames_behind(index, 10.0 + 2.0 * index - index % 2) == 0
+        assert pacer.due_s(index, 0.0) == pytest.approx(10.0 + 2.0 * index)
+
+
 def test_after_a_resume_nothing_is_overdue() -> None:
     pacer = Pacer(25.0)
     pacer.due_s(0, 0.0)
