@@ -64,7 +64,7 @@ class Evidence:
                 self._somebody_else, self._walked_s = False, 0.0
             return
         self._quiet_s = 0.0
-        if not _walks(movement, cut=box[3] > grey.shape[0] - 3):
+        if not _walks(movement, (grey.shape[0] - box[1]) / (box[3] - box[1])):
             from_aside = abs(movement.aside) > _FROM_ASIDE or movement.inside < _OUTSIDE
             self._somebody_else = self._somebody_else or (from_aside and not self._began)
             self._walked_s = max(0.0, self._walked_s - 0.5 * dt_s)
@@ -73,12 +73,12 @@ class Evidence:
             self._walked_s += dt_s
 
 
-def _walks(movement: Movement, cut: bool) -> bool:
+def _walks(movement: Movement, visible: float) -> bool:
     """Whether it is the one in the box who moves, from the legs up.
 
     Args:
         movement: about the box.
-        cut: whether the legs are out of the picture.
+        visible: part of the body, from the head on, above the picture's lower border.
     """
     step = movement.body_step
     passes_by = abs(step) > _PASSES and movement.box_step * step < _ALONG * step * step
@@ -87,7 +87,7 @@ def _walks(movement: Movement, cut: bool) -> bool:
         abs(movement.aside) < _OFF_AXIS
         and movement.inside > _LEAST_INSIDE
         and movement.beside < _MOST_BESIDE
-        and (cut or movement.lowest > _LEGS)
+        and movement.lowest > _LEGS * min(visible, 1.0)
         and not passes_by
         and not slides
     )
