@@ -42,6 +42,8 @@ _WIDER, _DOUBTFULLY_WIDER = 1.1, 1.3
 _WIDEST_M = 1.0
 """No person is wider, in a stride seen from the side or in a wheelchair seen from the front."""
 _DOUBTFUL_SHARE = 0.25
+_SUNK_M = 1.0
+"""Somebody low right before a camera of unknown mounting: within `personal_space_m`, not nearer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,9 +176,14 @@ def _by_head(box: PersonBox) -> _Seen:
 
 
 def _by_one_end(box: PersonBox, distance_m: float, sigma_m: float, evidence: Evidence) -> _Seen:
-    """Nothing but the width can contradict a single end."""
+    """Nothing but the width can contradict a single end.
+
+    A head alone is that of an adult who stands, or of somebody less than half as far away who sits.
+    """
     if not box.model.width_known:
-        return _no_giant(box, (distance_m, sigma_m, evidence, True))
+        seen = distance_m, sigma_m, evidence, True
+        doubtful = evidence == "head" and distance_m > _DOUBTFULLY_WIDER * _SEATED * box.width_m()
+        return _not_wider(box, seen, _SEATED) if doubtful else _no_giant(box, seen)
     certain = distance_m <= _DOUBTFULLY_WIDER * box.width_m()
     return _not_wider(box, (distance_m, sigma_m, evidence, certain), _WIDER)
 
@@ -202,6 +209,8 @@ def _by_height(box: PersonBox, ground: GroundLine | None) -> _Seen | None:
         if not (box.head_seen or box.feet_seen):
             return _cut_at_both_ends(box, feet_m)
         distance_m = min(distance_m, feet_m, box.width_m())
+        if box.sunk:
+            distance_m = min(distance_m, _SUNK_M)
         return distance_m, distance_m * math.hypot(box.height_share(), 0.25), "cut height", False
     if ground is None:
         return _no_giant(box, (distance_m, sigma_m, "height", True))
@@ -213,8 +222,13 @@ def _by_height(box: PersonBox, ground: GroundLine | None) -> _Seen | None:
 
 
 def _within_stride(box: PersonBox, seen: _Seen) -> _Seen:
-    """What fits an upright adult, unless the box is far too wide for where they would stand."""
-    return _not_wider(box, seen, _STRIDE) if box.model.width_known else seen
+    """What fits an upright adult, unless the box is far too wide for where they would stand.
+
+    To a camera as high as a chest, who sits behind a table has the ends of an adult far away.
+    """
+    if not box.model.width_known:
+        return _no_giant(box, seen)
+    return seen if seen[0] <= _STRIDE * box.width_m() else _not_wider(box, seen, _WIDER)
 
 
 def _no_giant(box: PersonBox, seen: _Seen) -> _Seen:

@@ -83,6 +83,14 @@ class PersonBox:
         return self.bottom < self.camera.height_px - self._border_px
 
     @property
+    def sunk(self) -> bool:
+        """Whether the lower border cuts off somebody whose head is in the lower half.
+
+        Nobody who stands a few metres away from a robot looks like that.
+        """
+        return not self.feet_seen and self.top > self.camera.centre_y_px
+
+    @property
     def both_sides_seen(self) -> bool:
         """Whether the box is as wide as it would be in a larger picture."""
         border_px = self._border_px
