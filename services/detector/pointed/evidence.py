@@ -13,6 +13,8 @@ _QUIET_PX = 100
 _OFF_AXIS, _LEAST_INSIDE, _MOST_BESIDE = 0.15, 0.55, 0.5
 _LEGS = 0.72
 """Who walks moves their legs: so far down movement reaches, from head (0) to foot (1)."""
+_HEAD = 0.35
+"""And so far up: something smaller within a larger box is not who the box is about."""
 _FROM_ASIDE, _OUTSIDE = 0.28, 0.3
 """Movement that begins so far off the axis, or with so little inside, comes in from a side."""
 _PASSES, _ALONG = 0.08, 0.3
@@ -87,6 +89,7 @@ def _walks(movement: Movement, visible: float) -> bool:
         abs(movement.aside) < _OFF_AXIS
         and movement.inside > _LEAST_INSIDE
         and movement.beside < _MOST_BESIDE
+        and movement.highest < _HEAD
         and movement.lowest > _LEGS * min(visible, 1.0)
         and not passes_by
         and not slides

@@ -31,6 +31,11 @@ _TEXTURE = 4.0
 _BORDER_PX = 9
 _LEAST_IN_PICTURE = 0.5
 _LEAST_BODY_PX, _LEAST_BESIDE_PX = 40, 80
+_LEAST_SIDE = 0.5
+"""Share of what is on either side that has to be in the picture: from one side alone nobody can
+tell how the background on the other flows."""
+_LEAST_SIDE_PX, _ONE_SIDED = 40, 2.5
+"""Pixels with texture on a side below which more movement, by this factor, has to be seen."""
 _MOVES_PX, _SIGMAS, _FINEST_PX = 0.9, 3.0, 0.15
 _FIT_ROUNDS, _FIT_SIGMAS = 6, 1.5
 _LARGEST_ZOOM = 0.02
@@ -50,7 +55,7 @@ class Movement:
         pixels: how many, of a body 72 pixels high; at most about 2,000.
         aside: their mean place, heights to the right of the body's axis.
         inside: share of them on the body.
-        lowest: nearly the lowest of them, from head (0) to foot (1).
+        highest, lowest: nearly the highest and lowest of them, from head (0) to foot (1).
         body: share of the body that moves.
         beside: the larger share of what is on its left or its right.
         body_step, box_step: how far the body's pixels and its box have gone to the right, heights.
@@ -59,6 +64,7 @@ class Movement:
     pixels: int
     aside: float
     inside: float
+    highest: float
     lowest: float
     body: float
     beside: float
@@ -86,6 +92,10 @@ def _grids() -> tuple[Floats, Floats]:
 _DOWN, _ACROSS = _grids()
 _IS_BODY: Mask = np.abs(_ACROSS) < ASPECT * reach(_DOWN) + _BODY_MARGIN
 _IS_BESIDE: Mask = (np.abs(_ACROSS) > _BESIDE) | (_DOWN < -0.08) | (_DOWN > 1.06)
+_SIDES: tuple[Mask, Mask] = (
+    (_ACROSS < -_BESIDE) & (_DOWN > 0.0) & (_DOWN < 1.0),
+    (_ACROSS > _BESIDE) & (_DOWN > 0.0) & (_DOWN < 1.0),
+)
 
 
 class MovementWatch:
@@ -93,7 +103,9 @@ class MovementWatch:
 
     def __init__(self) -> None:
         self._past: deque[_Past] = deque()
-        self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+        self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+        # Legs are a few pixels wide: at a coarser scale they flow as the floor beside them does.
+        self._flow.setFinestScale(0)
 
     def look(self, grey: Grey, box: BoxXyxy, free: Grey, t_s: float) -> Movement | None:
         """What moves about a box; None where that cannot be told.
@@ -134,13 +146,18 @@ class MovementWatch:
         told = told_before & told_now
         if np.count_nonzero(told & _IS_BODY) < _LEAST_IN_PICTURE * np.count_nonzero(_IS_BODY):
             return None
+        if any(told[side].mean() < _LEAST_SIDE for side in _SIDES):
+            return None
         told &= _textured(now)
         body, beside = _IS_BODY & told, _IS_BESIDE & told
         if body.sum() < _LEAST_BODY_PX or beside.sum() < _LEAST_BESIDE_PX:
             return None
         background, spread = _plane(flow, beside)
         own = flow - background
-        moves = np.hypot(own[..., 0], own[..., 1]) > max(_MOVES_PX, _SIGMAS * spread)
+        least_px = max(_MOVES_PX, _SIGMAS * spread)
+        if any(np.count_nonzero(told & side) < _LEAST_SIDE_PX for side in _SIDES):
+            least_px *= _ONE_SIDED
+        moves = np.hypot(own[..., 0], own[..., 1]) > least_px
         core = moves & told & (np.abs(_ACROSS) < _CORE)
         rows, columns = np.nonzero(core)
         height = box[3] - box[1]
@@ -149,6 +166,7 @@ class MovementWatch:
             pixels=len(rows),
             aside=float(_ACROSS[0, columns].mean()) if len(rows) else 0.0,
             inside=float((np.abs(_ACROSS[0, columns]) < _MIDDLE).mean()) if len(rows) else 0.0,
+            highest=float(np.percentile(_DOWN[rows, 0], 5)) if len(rows) else 0.0,
             lowest=float(np.percentile(_DOWN[rows, 0], 95)) if len(rows) else 0.0,
             body=_share(moves, body),
             beside=max(_share(moves, beside & side) for side in (_ACROSS < 0, _ACROSS > 0)),
