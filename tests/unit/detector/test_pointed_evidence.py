@@ -10,6 +10,8 @@ import pytest
 from schemas import Blobs, Pointed
 from services.detector.camera_motion import estimate_turn
 from services.detector.core import Detector
+from services.detector.pointed.evidence import Evidence
+from services.detector.pointed.movement import MovementWatch
 from services.detector.settings import DetectorSettings
 from tests.unit.detector.drawn_scene import FPS, frame_id
 from tests.unit.detector.test_pointed import (
@@ -111,6 +113,37 @@ def test_who_passes_by_a_thing_makes_it_no_person(step: float) -> None:
         return picture
 
     assert not proven(play(passing, 55))
+
+
+def test_who_walks_straight_away_is_proven_while_they_are_near() -> None:
+    def leaving(seq: int) -> Picture:
+        return seen(X, TALL * 3.0 / (3.0 + 0.06 * max(0, seq - 15)))
+
+    first = proven(play(leaving, 40))[0]
+    assert 15 < first <= 30, "1.2 m/s from 3 m on, 20 frames a second"
+
+
+def test_something_small_that_walks_within_a_larger_box_is_not_who_is_in_it() -> None:
+    evidence, box = Evidence(), person_box(X, 240.0)
+    free = np.full((HEIGHT, WIDTH), 255, np.uint8)
+    free[:, round(box[0]) - 24 : round(box[2]) + 24] = 0
+    for seq in range(30):
+        picture = locker(seen(None), X)
+        low, left = round(box[3]), round(200.0 + 2.0 * seq)
+        picture[low - 70 : low, left : left + 36] = (30, 30, 30)
+        picture[low - 60 : low - 20, left + 8 : left + 30] = (200, 220, 230)
+        evidence.look(np.ascontiguousarray(picture[..., 1]), box, free, seq / FPS)
+    assert not evidence.proves
+
+
+def test_nothing_is_told_of_a_box_whose_background_is_seen_on_one_side_only() -> None:
+    free = np.full((HEIGHT, WIDTH), 255, np.uint8)
+    for x, told in ((240.0, True), (70.0, False), (WIDTH - 60.0, False)):
+        watch, movement = MovementWatch(), None
+        for seq in range(8):
+            grey = np.ascontiguousarray(seen(x, TALL * 1.4)[..., 1])
+            movement = watch.look(grey, person_box(x, TALL * 1.4), free, seq / FPS)
+        assert (movement is not None) == told
 
 
 def test_clicking_again_on_the_same_place_goes_on_watching_it() -> None:
