@@ -153,6 +153,8 @@ def test_remote_host_recipe(tmp_path: Path) -> None:
     port = free_port()
     users = tmp_path / "users.txt"
     users.write_text("robot:secret\nremote:secret2\n")
+    for password in ("secret", "secret2"):
+        (tmp_path / password).write_text(f"{password}\n")
     router, capture, detector = block_with("heel router --listen")
     router = router.replace("0.0.0.0:7447", f"127.0.0.1:{port}")
     capture = (
