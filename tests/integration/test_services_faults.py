@@ -89,9 +89,15 @@ def test_good_messages_still_pass_through_every_service(stack: Stack) -> None:
         assert decode(Blobs, sample.payload.to_bytes(), str(sample.encoding)).seq == stack.seq
         sample = tracks.get(timeout=network.DEADLINE_S)
         assert decode(Tracks, sample.payload.to_bytes(), str(sample.encoding)).seq == stack.seq
-        sample = commands.get(timeout=network.DEADLINE_S)
-        command = decode(MotionCommand, sample.payload.to_bytes(), str(sample.encoding))
-        assert (command.state, command.linear_mps, command.angular_radps) == ("idle", 0.0, 0.0)
+
+        def idle() -> bool:
+            sample = commands.get(timeout=network.DEADLINE_S)
+            command = decode(MotionCommand, sample.payload.to_bytes(), str(sample.encoding))
+            assert (command.linear_mps, command.angular_radps) == (0.0, 0.0)
+            return command.state == "idle"
+
+        # The sensors that could not be read before count for a second more.
+        network.wait_until(idle, "a follower at rest")
 
 
 @pytest.mark.parametrize(
@@ -207,7 +213,8 @@ def test_an_unknown_key_in_the_file_is_one_line(service: str, tmp_path: Path) ->
     code, out, err = finished("-m", f"services.{service}", "--config", str(file))
     assert (code, out) == (2, "")
     (line,) = err.splitlines()
-    assert line == f"heel: {service}.camra: unknown key; did you mean 'camera'?"
+    told = f"{service}.camra: unknown key; did you mean 'camera'?"
+    assert line == f"heel: settings file {file}: {told}"
 
 
 @pytest.mark.parametrize(
