@@ -14,6 +14,7 @@ from services.detector.pointed.person import Sighting
 
 NAME = "pointed"
 _BEST_SCORE, _UNPROVEN_SCORE, _DOUBTED_SCORE = 0.95, 0.6, 0.5
+"""Chosen by hand."""
 
 
 def people_message(
@@ -21,8 +22,8 @@ def people_message(
 ) -> Blobs:
     """Blobs of kind `people`; the score is how alike they look to themselves before.
 
-    It goes no higher than the share of such boxes that were on people, measured with clicks on
-    people and on things (benchmarks/empty_clicks.py).
+    It goes no higher than such boxes are trusted. How often boxes of which score are on people,
+    benchmarks/empty_clicks.py prints.
     """
     blobs: tuple[Blob, ...] = ()
     if sighting is not None:
