@@ -74,16 +74,12 @@ export class Above {
   names() {
     const seen = this.truth.people.filter((person) => person.box && person.visible > 0);
     const tracks = (this.frame?.tracks ?? []).filter((track) => track.shown && track.state !== "lost");
-    const pairs = tracks.flatMap((track) => seen.map((person) => [overlap(person.box, track.box), track.id, person]))
-      .filter(([share]) => share > LEAST_OVERLAP)
-      .sort(([one], [other]) => other - one);
+    const under = (track) => seen.map((person) => [overlap(person.box, track.box), track.id, person])
+      .sort(([one], [other]) => other - one)[0];
+    const pairs = tracks.map(under).filter((best) => best && best[0] > LEAST_OVERLAP).sort(([one], [other]) => other - one);
     const names = new Map();
-    const given = new Set();
-    for (const [, id, person] of pairs) {
-      if (names.has(person) || given.has(id)) continue;
-      names.set(person, id);
-      given.add(id);
-    }
+    // Whom two boxes fit best has the name of the better one; the other box is nobody's.
+    for (const [, id, person] of pairs) if (!names.has(person)) names.set(person, id);
     return names;
   }
 
