@@ -14,8 +14,10 @@ _BRAKING_SHARE = 0.7
 """Of the braking limit that is planned with; the rest is for jerk and for what was not foreseen."""
 _STANDING_MPS = 0.15
 """Slower people stand, as far as their estimate can tell."""
+_SMOOTHED_S = 0.1
+"""Trackers smooth boxes: who stops dead is seen to do so later by that."""
 _NEAR_M = 0.5
-_TOO_NEAR_M = 0.4
+_TOO_NEAR_M = 0.2
 """Nearer than wished by so much, nobody is followed on."""
 _AS_WISHED_MPS = 0.05
 """Speeds that differ by less are the same for whoever is told why."""
@@ -178,7 +180,7 @@ class VelocityController:
     def _allowed(self, room_m: float) -> float:
         s = self._settings
         return speed_to_stop_within_mps(
-            room_m, _BRAKING_SHARE * s.max_braking_mps2, 2 * s.robot_delay_s
+            room_m, _BRAKING_SHARE * s.max_braking_mps2, 2 * s.robot_delay_s + _SMOOTHED_S
         )
 
 

@@ -23,7 +23,7 @@ _LEAVES_SHARE, _DOUBTFULLY_LEAVES_SHARE = 0.1, 0.02
 """Nobody is suddenly farther away: they walk there, and a box is that much wrong."""
 _NEARER, _NEARER_SHARE = 0.95, 0.1
 """Beyond what boxes vary: then the nearer place counts, as surely as if it were certain."""
-_HEIGHT_RESERVE_M = 0.35
+_HEIGHT_RESERVE_M = 0.25
 """Somebody of 0.9 m, taken for an adult 1.5 m away, is 0.8 m away."""
 
 

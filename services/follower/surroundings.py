@@ -9,7 +9,7 @@ from services.follower.own_motion import Pose
 from services.follower.people import People
 from services.follower.settings import FollowerSettings
 
-_TARGET_MARGIN_M = 0.15
+_TARGET_MARGIN_M = 0.25
 """Beyond personal space: the target is driven at all the time and stops without warning."""
 _OTHERS_MARGIN_M = 0.2
 """Who crosses also comes nearer by themselves."""

@@ -137,7 +137,7 @@ def _by_feet_and_head(box: PersonBox) -> _Seen | None:
     if not box.feet_m() < math.inf or both is None:
         return None
     shorter_by, sigma = box.shorter_by()
-    if sigma < shorter_by <= _AGREE_SIGMAS * sigma:
+    if 0 < shorter_by <= _AGREE_SIGMAS * sigma:
         # Somebody short, or who begins to bend: in doubt the nearer one.
         feet = box.least_squares(feet=True, head=False)
         both = both if feet is None else min(both, feet)
