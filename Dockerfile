@@ -20,6 +20,7 @@ RUN python3 -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); 
     && rm /tmp/requirements.txt
 
 COPY README.md LICENSE ./
+COPY src src
 COPY schemas schemas
 COPY evaluation evaluation
 COPY services services

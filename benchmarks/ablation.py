@@ -15,7 +15,7 @@ import typer
 
 from benchmarks.accuracy import measure
 from benchmarks.common import Figure, data_folder, name_of, publish, recordings, write_json
-from services.runtime.command_line import run_app
+from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 CALIBRATION = data_folder() / "TownCentre-GT-first-half" / "TownCentre-calibration.ci"

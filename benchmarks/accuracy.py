@@ -15,9 +15,9 @@ from typing import Annotated
 import typer
 
 from benchmarks.common import Figure, heel_run, name_of, publish, recordings, write_json
-from evaluation.report import SequenceScores, evaluate
-from services.pipeline import scene_truth
-from services.runtime.command_line import run_app
+from heel.evaluation.report import SequenceScores, evaluate
+from heel.services.pipeline import scene_truth
+from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 PRESETS = ("default", "paper")

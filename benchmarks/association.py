@@ -22,14 +22,14 @@ from benchmarks.association_calibration import Claim, claims_of, reliability_tab
 from benchmarks.association_left_out import left_out_table
 from benchmarks.association_peers import Tracker, frame_count, peers, peers_note
 from benchmarks.common import data_folder, interleaved, median, publish
-from evaluation.alignment import align
-from evaluation.motchallenge import read_ground_truth
-from evaluation.report import SequenceScores, score_sequence
-from evaluation.rows import BoxRows
-from schemas.errors import HeelError
-from services.commands.track_detections import read_given, shown_rows
-from services.runtime.command_line import run_app
-from services.tracker.given_boxes.sequence import GivenSequence, track_sequence
+from heel.evaluation.alignment import align
+from heel.evaluation.motchallenge import read_ground_truth
+from heel.evaluation.report import SequenceScores, score_sequence
+from heel.evaluation.rows import BoxRows
+from heel.schemas.errors import HeelError
+from heel.services.commands.track_detections import read_given, shown_rows
+from heel.services.runtime.command_line import run_app
+from heel.services.tracker.given_boxes.sequence import GivenSequence, track_sequence
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 OURS = "Heel"

@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from evaluation.rows import BoxRows
-from services.tracker.given_boxes.geometry import iou
+from heel.evaluation.rows import BoxRows
+from heel.services.tracker.given_boxes.geometry import iou
 
 _LEAST_IOU = 0.5
 _FIRST_FRAMES = 5

@@ -13,12 +13,12 @@ from itertools import product
 from pathlib import Path
 
 from benchmarks.association_peers import frame_count
-from evaluation.alignment import align
-from evaluation.motchallenge import read_ground_truth
-from evaluation.report import SequenceScores, score_sequence
-from services.commands.track_detections import read_given, shown_rows
-from services.tracker.given_boxes.sequence import track_sequence
-from services.tracker.given_boxes.settings import BoxTrackerSettings
+from heel.evaluation.alignment import align
+from heel.evaluation.motchallenge import read_ground_truth
+from heel.evaluation.report import SequenceScores, score_sequence
+from heel.services.commands.track_detections import read_given, shown_rows
+from heel.services.tracker.given_boxes.sequence import track_sequence
+from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
 
 GRID = {"rivals": (0.05, 0.1, 0.2, 1.0), "recent_s": (0.4, 0.7)}
 _WRONG_WEIGHS = 4.0

@@ -14,7 +14,7 @@ from typing import Any
 
 import typer
 
-from schemas.errors import HeelError
+from heel.schemas.errors import HeelError
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 STATIC_SEQUENCES = (
@@ -67,7 +67,7 @@ def heel_run(source: str, out: Path, *flags: str) -> dict[str, Any]:
         HeelError: it failed.
     """
     done = subprocess.run(
-        [sys.executable, "-m", "services", "run", source, "--out", str(out), *flags],
+        [sys.executable, "-m", "heel", "run", source, "--out", str(out), *flags],
         capture_output=True, text=True, timeout=_RUN_TIMEOUT_S, check=False,
     )  # fmt: skip
     if done.returncode != 0:

@@ -21,18 +21,18 @@ import typer
 from numpy.typing import NDArray
 
 from benchmarks.common import Figure, data_folder, publish, write_json
-from evaluation.panning.scripted import panning, scripted_frames
-from schemas import FrameId
-from schemas.errors import HeelError
-from services.detector.camera_motion import EgoMotion
-from services.detector.geometry import WorkSize
-from services.detector.regions import smoothed
-from services.detector.settings import DetectorSettings
-from services.pipeline import InProcessPipeline, RecordedFrames
-from services.runtime import process
-from services.runtime.command_line import run_app
-from services.tracker.core import warm_up
-from services.tracker.settings import TrackerSettings
+from heel.evaluation.panning.scripted import panning, scripted_frames
+from heel.schemas import FrameId
+from heel.schemas.errors import HeelError
+from heel.services.detector.camera_motion import EgoMotion
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.regions import smoothed
+from heel.services.detector.settings import DetectorSettings
+from heel.services.pipeline import InProcessPipeline, RecordedFrames
+from heel.services.runtime import process
+from heel.services.runtime.command_line import run_app
+from heel.services.tracker.core import warm_up
+from heel.services.tracker.settings import TrackerSettings
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 SIZE = (640, 480)

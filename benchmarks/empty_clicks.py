@@ -20,9 +20,9 @@ import cv2
 import typer
 
 from benchmarks.common import Figure, publish, write_json
-from evaluation.scenarios.clicks import AIMS, WORLDS, Aim, Outcome, click_in
-from evaluation.scenarios.episode import StackSettings, load_stack
-from services.runtime.command_line import run_app
+from heel.evaluation.scenarios.clicks import AIMS, WORLDS, Aim, Outcome, click_in
+from heel.evaluation.scenarios.episode import StackSettings, load_stack
+from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 _NAMES: dict[Aim, str] = {

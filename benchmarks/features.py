@@ -25,13 +25,13 @@ from scipy.optimize import linear_sum_assignment
 
 from benchmarks.common import publish, recordings
 from benchmarks.people_features import FEATURES, Vectors, vectors_of
-from evaluation.alignment import iou_matrix
-from evaluation.motchallenge import ground_truth_file, read_ground_truth
-from services.capture.sources import open_source
-from services.detector.settings import DetectorSettings
-from services.pipeline import InProcessPipeline, RecordedFrames
-from services.runtime.command_line import run_app
-from services.tracker.settings import TrackerSettings
+from heel.evaluation.alignment import iou_matrix
+from heel.evaluation.motchallenge import ground_truth_file, read_ground_truth
+from heel.services.capture.sources import open_source
+from heel.services.detector.settings import DetectorSettings
+from heel.services.pipeline import InProcessPipeline, RecordedFrames
+from heel.services.runtime.command_line import run_app
+from heel.services.tracker.settings import TrackerSettings
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 SPAN_S = 2.0

@@ -18,12 +18,12 @@ import typer
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from evaluation.alignment import iou_matrix
-from schemas import Tracks
-from schemas.errors import HeelError
-from services.pipeline import RecordedFrames, load_pipeline, scene_truth
-from services.run.annotate import Annotator
-from services.runtime.command_line import run_app
+from heel.evaluation.alignment import iou_matrix
+from heel.schemas import Tracks
+from heel.schemas.errors import HeelError
+from heel.services.pipeline import RecordedFrames, load_pipeline, scene_truth
+from heel.services.run.annotate import Annotator
+from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 SCENE = "scene:demo"

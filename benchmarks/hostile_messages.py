@@ -27,8 +27,8 @@ import zenoh
 
 from benchmarks.hostile.mutations import CAMERA, TOPICS, Kind, Mutations, Wire
 from benchmarks.stopping.rig import Rig
-from schemas import HeelError, keys
-from services.runtime.process import memory_mb
+from heel.schemas import HeelError, keys
+from heel.services.runtime.process import memory_mb
 
 WATCHED = {"tracks": keys.tracks(CAMERA), "commands": keys.FOLLOW_COMMAND,
            "drive": keys.ROBOT_DRIVE}  # fmt: skip

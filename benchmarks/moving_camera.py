@@ -18,11 +18,11 @@ from typing import Annotated
 import typer
 
 from benchmarks.common import Figure, data_folder, heel_run, publish, write_json
-from evaluation.motchallenge import read_ground_truth, read_tracks
-from evaluation.report import evaluate
-from evaluation.single_target import SingleTargetScores, single_target_scores
-from schemas.errors import HeelError
-from services.runtime.command_line import run_app
+from heel.evaluation.motchallenge import read_ground_truth, read_tracks
+from heel.evaluation.report import evaluate
+from heel.evaluation.single_target import SingleTargetScores, single_target_scores
+from heel.schemas.errors import HeelError
+from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 ONE_PERSON = ("Couple", "Crossing", "Human3-first199", "UAV-person11")

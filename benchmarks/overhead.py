@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.common import Figure, heel_run, interleaved, median, name_of, recordings, write_json
-from services.runtime.command_line import run_app
+from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 

@@ -21,8 +21,8 @@ import cv2
 import numpy as np
 import typer
 
-from schemas.errors import HeelError
-from services.runtime.command_line import run_app
+from heel.schemas.errors import HeelError
+from heel.services.runtime.command_line import run_app
 
 if TYPE_CHECKING:
     from selenium.webdriver import Chrome
@@ -58,7 +58,7 @@ def main(
 def _demo() -> Iterator[str]:
     """The demo's page while it runs."""
     with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "services", "demo", "--port", "0", "--out", out]
+        command = [sys.executable, "-m", "heel", "demo", "--port", "0", "--out", out]
         log = Path(out) / "stdout"
         with log.open("wb") as stream:
             process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=stream)

@@ -23,11 +23,11 @@ from typing import Annotated
 import typer
 
 from benchmarks.common import publish
-from evaluation.scenarios.episode import load_stack, run_episode
-from evaluation.scenarios.parallel import run_all, spread
-from evaluation.scenarios.perception import Senses
-from evaluation.scenarios.report import EpisodeResult
-from services.simulator.posture_scenarios import POSTURES
+from heel.evaluation.scenarios.episode import load_stack, run_episode
+from heel.evaluation.scenarios.parallel import run_all, spread
+from heel.evaluation.scenarios.perception import Senses
+from heel.evaluation.scenarios.report import EpisodeResult
+from heel.services.simulator.posture_scenarios import POSTURES
 
 ROBOTS = tuple(
     Senses(ranges, calibrated) for ranges in (True, False) for calibrated in (True, False)

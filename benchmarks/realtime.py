@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.common import Figure, data_folder, heel_run, median, write_json
-from services.runtime.command_line import run_app
+from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 FRAMES_PER_S = 25

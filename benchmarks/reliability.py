@@ -17,8 +17,8 @@ import typer
 
 from benchmarks.association_calibration import Claim, claims_of, reliability_table
 from benchmarks.common import Figure, heel_run, name_of, publish, recordings, write_json
-from evaluation.motchallenge import ground_truth_file, read_ground_truth, read_tracks
-from services.runtime.command_line import run_app
+from heel.evaluation.motchallenge import ground_truth_file, read_ground_truth, read_tracks
+from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 SURE = 0.9

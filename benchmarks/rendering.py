@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 import typer
 
-from services.runtime.command_line import run_app
-from services.simulator.render.renderer import Renderer
-from services.simulator.scenarios import scenario
-from services.simulator.state import CameraMount
+from heel.services.runtime.command_line import run_app
+from heel.services.simulator.render.renderer import Renderer
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.state import CameraMount
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 SCENARIOS = ("straight", "distractor-3", "crowd")

@@ -19,11 +19,11 @@ import numpy as np
 import typer
 
 from benchmarks.common import Figure, data_folder, publish, write_json
-from evaluation.panning.perception import Pixels
-from evaluation.panning.scripted import Played, Script, following, panning, play
-from schemas.errors import HeelError
-from services.detector.settings import DetectorSettings
-from services.runtime.command_line import run_app
+from heel.evaluation.panning.perception import Pixels
+from heel.evaluation.panning.scripted import Played, Script, following, panning, play
+from heel.schemas.errors import HeelError
+from heel.services.detector.settings import DetectorSettings
+from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 SEQUENCE, WINDOW = "PETS09-S2L1", (384, 288)

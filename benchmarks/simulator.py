@@ -19,11 +19,11 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.common import Figure, median, write_json
-from schemas import FrameId
-from services.runtime.command_line import run_app
-from services.simulator.boxes import SimulatedDetector
-from services.simulator.scenarios import SCENARIOS, scenario
-from services.simulator.state import CameraMount
+from heel.schemas import FrameId
+from heel.services.runtime.command_line import run_app
+from heel.services.simulator.boxes import SimulatedDetector
+from heel.services.simulator.scenarios import SCENARIOS, scenario
+from heel.services.simulator.state import CameraMount
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 PARTS = ("world", "boxes", "ranges", "truth")

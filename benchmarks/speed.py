@@ -17,12 +17,12 @@ import numpy as np
 import typer
 
 from benchmarks.common import Figure, name_of, publish, recordings, write_json
-from services.detector.settings import DetectorSettings
-from services.pipeline import InProcessPipeline, RecordedFrames
-from services.runtime import process
-from services.runtime.command_line import run_app
-from services.tracker.core import warm_up
-from services.tracker.settings import TrackerSettings
+from heel.services.detector.settings import DetectorSettings
+from heel.services.pipeline import InProcessPipeline, RecordedFrames
+from heel.services.runtime import process
+from heel.services.runtime.command_line import run_app
+from heel.services.tracker.core import warm_up
+from heel.services.tracker.settings import TrackerSettings
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 STEPS = ("detector", "tracks after", "looks after", "detector + tracker")

@@ -29,8 +29,8 @@ from benchmarks.stopping.fault import Fault
 from benchmarks.stopping.faults import all_faults
 from benchmarks.stopping.rig import Rig
 from benchmarks.stopping.rows import Row, write_table
-from schemas.errors import HeelError, SettingsError
-from services.runtime.command_line import run_app
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 _NEVER_S = 5.0

@@ -19,13 +19,13 @@ import cv2
 import typer
 
 from benchmarks.common import Figure, data_folder, write_json
-from evaluation.panning.episode import Outcome
-from evaluation.panning.perception import PerceptionName
-from evaluation.panning.perception import perception as perception_of
-from evaluation.panning.sequence import follow_everybody
-from schemas.errors import HeelError
-from services.capture.pan_window import PanSettings
-from services.runtime.command_line import run_app
+from heel.evaluation.panning.episode import Outcome
+from heel.evaluation.panning.perception import PerceptionName
+from heel.evaluation.panning.perception import perception as perception_of
+from heel.evaluation.panning.sequence import follow_everybody
+from heel.schemas.errors import HeelError
+from heel.services.capture.pan_window import PanSettings
+from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 SEQUENCES = ("PETS09-S2L1", "TownCentre-A", "TownCentre-B", "TownCentre-C")

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from evaluation.rows import BoxRows
-from schemas.errors import HeelError
+from heel.evaluation.rows import BoxRows
+from heel.schemas.errors import HeelError
 
 FlagRule = Literal["mot15", "ignore", "all"]
 """What ground-truth rows with flag 0 mean.

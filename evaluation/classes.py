@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.rows import RowKind
-from schemas.errors import HeelError
+from heel.evaluation.rows import RowKind
+from heel.schemas.errors import HeelError
 
 PEDESTRIAN = 1
 _NOT_SCORED = (2, 7, 8, 12)

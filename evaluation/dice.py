@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.alignment import AlignedSequence
+from heel.evaluation.alignment import AlignedSequence
 
 
 def dice_per_frame(sequence: AlignedSequence) -> NDArray[np.float64]:

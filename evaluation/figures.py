@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schemas.errors import HeelError
+from heel.schemas.errors import HeelError
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -19,16 +19,16 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluation.classes import people_by_class
-from evaluation.plausible import (
+from heel.evaluation.classes import people_by_class
+from heel.evaluation.plausible import (
     MOST_FRAMES_WITHOUT_BOXES,
     MOST_FRAMES_WITHOUT_TRACKS,
     check_frames,
     check_units,
 )
-from evaluation.rows import COLUMNS, MAX_FRAME, BoxRows, RowKind, check_rows
-from schemas.errors import HeelError
-from services.runtime.sequence_file import SEQUENCE_FILE, read_sequence_file, sequence_file
+from heel.evaluation.rows import COLUMNS, MAX_FRAME, BoxRows, RowKind, check_rows
+from heel.schemas.errors import HeelError
+from heel.services.runtime.sequence_file import SEQUENCE_FILE, read_sequence_file, sequence_file
 
 _log = logging.getLogger("heel.evaluation")
 _MORE = 3

@@ -7,8 +7,8 @@ import logging
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.rows import BoxRows
-from schemas.errors import HeelError
+from heel.evaluation.rows import BoxRows
+from heel.schemas.errors import HeelError
 
 MOST_FRAMES_WITHOUT_BOXES, MOST_FRAMES_WITHOUT_TRACKS = 100_000, 1_000_000
 """One hour and eleven hours at 25 frames a second: what a detector finds is seldom so little, and

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.alignment import AlignedSequence
-from evaluation.dice import dice_per_frame
-from evaluation.figures import INK, new_figure, save, set_legend, set_title
-from evaluation.retention import retention
-from evaluation.timeline import ABSENT, MISSED, Timeline, timeline
-from schemas.errors import HeelError
+from heel.evaluation.alignment import AlignedSequence
+from heel.evaluation.dice import dice_per_frame
+from heel.evaluation.figures import INK, new_figure, save, set_legend, set_title
+from heel.evaluation.retention import retention
+from heel.evaluation.timeline import ABSENT, MISSED, Timeline, timeline
+from heel.schemas.errors import HeelError
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

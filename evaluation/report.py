@@ -19,20 +19,20 @@ from pydantic import BaseModel, ConfigDict, Field
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from evaluation.alignment import AlignedSequence, FlagRule, align
-from evaluation.dice import mean_dice
-from evaluation.motchallenge import (
+from heel.evaluation.alignment import AlignedSequence, FlagRule, align
+from heel.evaluation.dice import mean_dice
+from heel.evaluation.motchallenge import (
     ground_truth_file,
     read_ground_truth,
     read_sequence_info,
     read_tracks,
 )
-from evaluation.plausible import check_size, warn_of_another_size
-from evaluation.retention import retention
-from evaluation.rows import rows_from_array
-from evaluation.scores import tracking_scores
-from schemas.errors import HeelError
-from services.runtime.sequence_file import sequence_file
+from heel.evaluation.plausible import check_size, warn_of_another_size
+from heel.evaluation.retention import retention
+from heel.evaluation.rows import rows_from_array
+from heel.evaluation.scores import tracking_scores
+from heel.schemas.errors import HeelError
+from heel.services.runtime.sequence_file import sequence_file
 
 
 class SequenceScores(BaseModel):

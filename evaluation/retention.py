@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluation.alignment import AlignedSequence, best_pairs, check_iou_threshold
+from heel.evaluation.alignment import AlignedSequence, best_pairs, check_iou_threshold
 
 
 @dataclass(frozen=True, slots=True)

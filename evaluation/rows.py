@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.errors import HeelError
+from heel.schemas.errors import HeelError
 
 RowKind = Literal["ground truth", "detections", "tracks"]
 

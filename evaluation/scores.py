@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from evaluation.alignment import (
+from heel.evaluation.alignment import (
     EPSILON,
     AlignedFrame,
     AlignedSequence,

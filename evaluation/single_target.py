@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.alignment import check_iou_threshold, iou_matrix
-from evaluation.rows import BoxRows
-from schemas.errors import HeelError
+from heel.evaluation.alignment import check_iou_threshold, iou_matrix
+from heel.evaluation.rows import BoxRows
+from heel.schemas.errors import HeelError
 
 ELSEWHERE_IOU = 0.2
 """A box that overlaps the target less than this is on something else, most often somebody else."""

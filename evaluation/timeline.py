@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.alignment import AlignedSequence, best_pairs, check_iou_threshold
+from heel.evaluation.alignment import AlignedSequence, best_pairs, check_iou_threshold
 
 ABSENT = -2
 """The person is not in the ground truth of this frame."""

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import zenoh
 
-from schemas import Blob, Blobs, EndOfStream, Header, Patch, Stamp, decode, encode, keys
-from schemas.image import decode_image
+from heel.schemas import Blob, Blobs, EndOfStream, Header, Patch, Stamp, decode, encode, keys
+from heel.schemas.image import decode_image
 
 
 def detect(header: Header, image: np.ndarray) -> Blobs:

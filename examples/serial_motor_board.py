@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import serial
 
-from services.drive.drivers import Driver, OdometryReading
+from heel.services.drive.drivers import Driver, OdometryReading
 
 
 class SerialMotorBoard(Driver):

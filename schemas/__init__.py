@@ -6,16 +6,16 @@ docs/wire.md.
 
 from __future__ import annotations
 
-from schemas.base import Message
-from schemas.blobs import Blob, Blobs, CameraMotion, Evidence, Patch
-from schemas.codec import decode, encode
-from schemas.errors import HeelError, KeyNameError, MessageError, SettingsError, SourceError
-from schemas.follow import EStop, FollowState, MotionCommand, Pointed, Target, TargetRequest
-from schemas.frame import CameraInfo, EndOfStream, FrameId, Header, Progress, Stamp, Taken
-from schemas.health import Health
-from schemas.robot import DriveState, Odometry, Ranges, RangeSector
-from schemas.simulation import Pose, SimObstacle, SimPerson, SimTruth, SimWorld
-from schemas.tracks import Track, Tracks
+from heel.schemas.base import Message
+from heel.schemas.blobs import Blob, Blobs, CameraMotion, Evidence, Patch
+from heel.schemas.codec import decode, encode
+from heel.schemas.errors import HeelError, KeyNameError, MessageError, SettingsError, SourceError
+from heel.schemas.follow import EStop, FollowState, MotionCommand, Pointed, Target, TargetRequest
+from heel.schemas.frame import CameraInfo, EndOfStream, FrameId, Header, Progress, Stamp, Taken
+from heel.schemas.health import Health
+from heel.schemas.robot import DriveState, Odometry, Ranges, RangeSector
+from heel.schemas.simulation import Pose, SimObstacle, SimPerson, SimTruth, SimWorld
+from heel.schemas.tracks import Track, Tracks
 
 MESSAGES: tuple[type[Message], ...] = (
     Header, Stamp, Taken, CameraInfo, Blobs, Tracks, MotionCommand, TargetRequest, Target, Pointed,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import FailFast, Field, model_validator
 
-from schemas.base import (
+from heel.schemas.base import (
     BoxXyxy,
     Count,
     Dimension,
@@ -23,8 +23,8 @@ from schemas.base import (
     Real,
     Text,
 )
-from schemas.errors import MessageError
-from schemas.frame import FrameId
+from heel.schemas.errors import MessageError
+from heel.schemas.frame import FrameId
 
 MAX_BLOBS = 128
 MAX_WORK_PIXELS = 1 << 20

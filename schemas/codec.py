@@ -10,8 +10,8 @@ from typing import TypeVar
 import msgpack
 from pydantic import ValidationError
 
-from schemas.base import Message
-from schemas.errors import MessageError
+from heel.schemas.base import Message
+from heel.schemas.errors import MessageError
 
 MessageT = TypeVar("MessageT", bound=Message)
 

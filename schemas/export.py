@@ -11,8 +11,8 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from schemas import MESSAGES
-from schemas.base import Message
+from heel.schemas import MESSAGES
+from heel.schemas.base import Message
 
 DIALECT = GenerateJsonSchema.schema_dialect
 

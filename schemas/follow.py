@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from schemas.base import (
+from heel.schemas.base import (
     Count,
     Dimension,
     Flag,
@@ -19,7 +19,7 @@ from schemas.base import (
     Text,
     TimeNs,
 )
-from schemas.frame import FrameId, Producer
+from heel.schemas.frame import FrameId, Producer
 
 FollowStateName = Literal[
     "idle", "acquiring", "following", "occluded", "unsure", "searching", "lost", "stopped"

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from schemas.base import AgeNs, Count, Dimension, Message, Name, Part, Real, Text, TimeNs
+from heel.schemas.base import AgeNs, Count, Dimension, Message, Name, Part, Real, Text, TimeNs
 
 Producer = Annotated[
     str, Field(strict=True, pattern=r"^[a-z0-9_-]{1,64}/[a-z0-9_-]{1,64}@[0-9a-f]{8}$")

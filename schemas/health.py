@@ -6,8 +6,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from schemas.base import Count, Flag, Message, Name, NonNegative, Text
-from schemas.frame import Producer
+from heel.schemas.base import Count, Flag, Message, Name, NonNegative, Text
+from heel.schemas.frame import Producer
 
 
 class Health(Message):

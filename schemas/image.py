@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.errors import MessageError
-from schemas.frame import Header
+from heel.schemas.errors import MessageError
+from heel.schemas.frame import Header
 
 RAW = "image/raw;bgr8"
 JPEG = "image/jpeg"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-from schemas.errors import KeyNameError
+from heel.schemas.errors import KeyNameError
 
 _CHUNK = re.compile(r"[a-z0-9_-]{1,64}")
 

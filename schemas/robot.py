@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, FailFast, Field
 
-from schemas.base import Count, Flag, Message, Name, NonNegative, Part, Real
+from heel.schemas.base import Count, Flag, Message, Name, NonNegative, Part, Real
 
 MAX_SECTORS = 720
 MAX_RANGE_M = 1000.0

@@ -6,8 +6,18 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import FailFast, Field
 
-from schemas.base import BoxXyxy, Count, Fraction, Message, Name, NonNegative, Part, PersonId, Real
-from schemas.robot import Heading
+from heel.schemas.base import (
+    BoxXyxy,
+    Count,
+    Fraction,
+    Message,
+    Name,
+    NonNegative,
+    Part,
+    PersonId,
+    Real,
+)
+from heel.schemas.robot import Heading
 
 MAX_PEOPLE = 64
 MAX_OBSTACLES = 256

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import FailFast, Field
 
-from schemas.base import (
+from heel.schemas.base import (
     BoxXyxy,
     Count,
     Dimension,
@@ -19,8 +19,8 @@ from schemas.base import (
     Point,
     Real,
 )
-from schemas.blobs import CameraMotion
-from schemas.frame import FrameId
+from heel.schemas.blobs import CameraMotion
+from heel.schemas.frame import FrameId
 
 MAX_TRACKS = 128
 TrackState = Literal["new", "tracked", "occluded", "lost"]

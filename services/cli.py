@@ -9,18 +9,18 @@ from typing import Annotated
 
 import typer
 
-from services.capture.settings import CaptureSettings
-from services.commands import register_tools
-from services.detector.settings import DetectorServiceSettings
-from services.drive.settings import DriveServiceSettings
-from services.follower.settings import FollowerServiceSettings
-from services.runtime.command_line import later, run_process, settings_command
-from services.runtime.process import software_version
-from services.runtime.router import RouterSettings
-from services.runtime.settings import know_tables
-from services.simulator.settings import SimulatorSettings
-from services.tracker.settings import TrackerServiceSettings
-from services.web.settings import WebServiceSettings
+from heel.services.capture.settings import CaptureSettings
+from heel.services.commands import register_tools
+from heel.services.detector.settings import DetectorServiceSettings
+from heel.services.drive.settings import DriveServiceSettings
+from heel.services.follower.settings import FollowerServiceSettings
+from heel.services.runtime.command_line import later, run_process, settings_command
+from heel.services.runtime.process import software_version
+from heel.services.runtime.router import RouterSettings
+from heel.services.runtime.settings import know_tables
+from heel.services.simulator.settings import SimulatorSettings
+from heel.services.tracker.settings import TrackerServiceSettings
+from heel.services.web.settings import WebServiceSettings
 
 _SERVICES = (
     ("capture", CaptureSettings, "Send the frames of a file, folder, camera or drawn scene."),
@@ -62,13 +62,13 @@ def _heel(
 know_tables({name: model for name, model, _ in _SERVICES} | {"router": RouterSettings})
 register_tools(app)
 for _name, _model, _summary in _SERVICES:
-    _run = later(f"services.{_name}.service")
+    _run = later(f"heel.services.{_name}.service")
     app.command(_name)(settings_command(_name, _model, _run, _summary))
 app.command("router")(
     settings_command(
         "router",
         RouterSettings,
-        later("services.runtime.router"),
+        later("heel.services.runtime.router"),
         "Run a Zenoh router, where no zenohd is installed.",
         shared=("log",),
     )

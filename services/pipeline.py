@@ -15,19 +15,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, CameraInfo, FrameId, MotionCommand, Pointed, Tracks
-from services.capture.describe import Mounting, mounting
-from services.capture.pixels import fit_to_cap
-from services.capture.scene_source import open_scene
-from services.capture.settings import CaptureSettings
-from services.capture.sources import open_source
-from services.detector.core import Detector
-from services.detector.settings import DetectorServiceSettings, DetectorSettings
-from services.follower.core import Follower
-from services.follower.settings import FollowerServiceSettings, FollowerSettings
-from services.runtime.settings import Loaded, load_settings
-from services.tracker.core import configured
-from services.tracker.settings import TrackerServiceSettings, TrackerSettings
+from heel.schemas import Blobs, CameraInfo, FrameId, MotionCommand, Pointed, Tracks
+from heel.services.capture.describe import Mounting, mounting
+from heel.services.capture.pixels import fit_to_cap
+from heel.services.capture.scene_source import open_scene
+from heel.services.capture.settings import CaptureSettings
+from heel.services.capture.sources import open_source
+from heel.services.detector.core import Detector
+from heel.services.detector.settings import DetectorServiceSettings, DetectorSettings
+from heel.services.follower.core import Follower
+from heel.services.follower.settings import FollowerServiceSettings, FollowerSettings
+from heel.services.runtime.settings import Loaded, load_settings
+from heel.services.tracker.core import configured
+from heel.services.tracker.settings import TrackerServiceSettings, TrackerSettings
 
 REPEATABLE_EPOCH = 1
 """Epoch of lossless runs of recordings, so that their messages are the same bytes every time."""

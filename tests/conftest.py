@@ -7,8 +7,8 @@ import os
 import shutil
 import tempfile
 
-from services.capture.quiet import silence_decoders
-from services.runtime.places import VARIABLE
+from heel.services.capture.quiet import silence_decoders
+from heel.services.runtime.places import VARIABLE
 
 # FFmpeg reads its log level when the first video of a process is opened; in the suite that may be
 # a test's own video, long before capture is asked for one.

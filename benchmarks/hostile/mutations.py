@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import msgpack
 
-from schemas import (
+from heel.schemas import (
     Blobs,
     CameraInfo,
     DriveState,
@@ -34,7 +34,7 @@ from schemas import (
     decode,
     keys,
 )
-from schemas.image import decode_image
+from heel.schemas.image import decode_image
 
 CAMERA = "front"
 Kind = Literal["junk", "rival", "leap"]

@@ -10,8 +10,8 @@ from typing import Literal, Self
 import cv2
 import numpy as np
 
-from services.capture.scene import Scene, SceneSettings
-from services.capture.scene.settings import SceneName
+from heel.services.capture.scene import Scene, SceneSettings
+from heel.services.capture.scene.settings import SceneName
 
 View = Literal["person", "nobody", "black", "frozen", "silent", "stalled"]
 """`stalled`: nothing for two seconds, then all that waited at once, then nothing."""

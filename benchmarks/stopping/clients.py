@@ -12,8 +12,8 @@ import time
 
 import zenoh
 
-from schemas import DriveState, EStop, FollowState, MotionCommand, Stamp, Target, encode, keys
-from services.runtime.process import die_with_parent
+from heel.schemas import DriveState, EStop, FollowState, MotionCommand, Stamp, Target, encode, keys
+from heel.services.runtime.process import die_with_parent
 
 
 def _session(endpoint: str) -> zenoh.Session:

@@ -14,8 +14,8 @@ from benchmarks.stopping.camera import STALL_S, View
 from benchmarks.stopping.fault import Fault
 from benchmarks.stopping.rig import Rig
 from benchmarks.stopping.stops import ESTOP_MS, all_stops
-from schemas import MotionCommand, Stamp, encode, keys
-from services.drive.settings import DriveSettings
+from heel.schemas import MotionCommand, Stamp, encode, keys
+from heel.services.drive.settings import DriveSettings
 
 WATCHDOG_MS = DriveSettings().ttl_s * 1e3 + 50.0
 """Commands stop: the drive's own watchdog."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from threading import Event, Thread
 from typing import Self
 
-from schemas import Ranges, RangeSector
+from heel.schemas import Ranges, RangeSector
 
 _RATE_HZ = 20.0
 _SECTORS = 12

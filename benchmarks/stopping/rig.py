@@ -23,7 +23,7 @@ from benchmarks.stopping.camera import FaultyCamera
 from benchmarks.stopping.ranges import RangeSensor
 from benchmarks.stopping.relay import Relay
 from benchmarks.stopping.stand_in import StandIn
-from schemas import (
+from heel.schemas import (
     EStop,
     FollowState,
     HeelError,
@@ -36,11 +36,11 @@ from schemas import (
     encode,
     keys,
 )
-from services.runtime.places import VARIABLE, robot_name
-from services.runtime.process import PARENT_VARIABLE
-from services.runtime.session import open_session
-from services.runtime.settings import ZenohSettings
-from services.runtime.stop_socket import drives_here
+from heel.services.runtime.places import VARIABLE, robot_name
+from heel.services.runtime.process import PARENT_VARIABLE
+from heel.services.runtime.session import open_session
+from heel.services.runtime.settings import ZenohSettings
+from heel.services.runtime.stop_socket import drives_here
 
 CHAIN = ("capture", "detector", "tracker", "follower", "drive")
 _ROBOT = ("follower", "drive")
@@ -133,7 +133,7 @@ class Rig:
         if name in CHAIN:
             endpoint = f"tcp/127.0.0.1:{self.relays[name].port}"
             flags = (*flags, "--connect", endpoint, "--connect-timeout-s", f"{_READY_S:g}")
-        self._start(name, "services", name, *flags)
+        self._start(name, "heel", name, *flags)
 
     def start_client(self, name: str, kind: str, relayed: bool = False) -> None:
         """Start a client that has no part in stopping, unless it runs; it is up on return."""
@@ -161,7 +161,7 @@ class Rig:
         endpoint = f"tcp/127.0.0.1:{self.relays['drive'].port}"
         with (self._folder / "heel.log").open("ab") as log:
             return subprocess.call(
-                [sys.executable, "-m", "services", *arguments, "--connect", endpoint],
+                [sys.executable, "-m", "heel", *arguments, "--connect", endpoint],
                 cwd=REPOSITORY, env=self._environment(), stdin=subprocess.DEVNULL, stdout=log,
                 stderr=log, timeout=_READY_S,
             )  # fmt: skip

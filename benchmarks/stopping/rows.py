@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.common import median
-from schemas.errors import HeelError
+from heel.schemas.errors import HeelError
 
 _TABLE = re.compile(r"(<!-- measured -->\n)(.*?)(<!-- end of measured -->)", re.DOTALL)
 _HEAD = "| fault | trials | median | p95 | p99 | max | bound, ms |\n|---|---|---|---|---|---|---|\n"

@@ -14,8 +14,8 @@ from typing import Self
 
 import zenoh
 
-from schemas import Stamp, Track, Tracks, encode, keys
-from services.runtime import qos
+from heel.schemas import Stamp, Track, Tracks, encode, keys
+from heel.services.runtime import qos
 
 _TRACKS_HZ = 25.0
 _FRAME_EVERY = 2

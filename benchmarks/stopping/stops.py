@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmarks.stopping.fault import Fault
 from benchmarks.stopping.rig import Rig
-from schemas import HeelError, keys
+from heel.schemas import HeelError, keys
 
 ESTOP_MS = 50.0
 _COMMAND_MS = 2000.0

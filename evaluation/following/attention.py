@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.following.log import NOBODY, EpisodeLog
+from heel.evaluation.following.log import NOBODY, EpisodeLog
 
 
 def wrong_person_time(log: EpisodeLog) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evaluation.following.log import EpisodeLog
+from heel.evaluation.following.log import EpisodeLog
 
 PERSONAL_SPACE_M = 1.0
 _CLOSING_MPS = 0.05

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from evaluation.following.log import EpisodeLog
+from heel.evaluation.following.log import EpisodeLog
 
 _FOLLOWING_M = 3.0
 _TOO_FAR_M = 4.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluation.following.log import STEP_S, EpisodeLog
+from heel.evaluation.following.log import STEP_S, EpisodeLog
 
 _NEAREST_M, _FARTHEST_M = 1.0, 2.0
 _LEAST_FACING = 0.5

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.errors import HeelError
+from heel.schemas.errors import HeelError
 
 STEP_S = 0.1
 """A step of Habitat and EVT-Bench, whose policies act at about 10 Hz; their limits count steps."""

@@ -7,17 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from evaluation.following.attention import longest_loss_s, wrong_person_time
-from evaluation.following.comfort import (
+from heel.evaluation.following.attention import longest_loss_s, wrong_person_time
+from heel.evaluation.following.comfort import (
     driven_to_m,
     jerk_p95_mps3,
     minimum_distance_m,
     personal_space_compliance,
 )
-from evaluation.following.evt import EvtScores, evt_scores
-from evaluation.following.habitat import HabitatScores, habitat_scores
-from evaluation.following.log import EpisodeLog
-from schemas.errors import HeelError
+from heel.evaluation.following.evt import EvtScores, evt_scores
+from heel.evaluation.following.habitat import HabitatScores, habitat_scores
+from heel.evaluation.following.log import EpisodeLog
+from heel.schemas.errors import HeelError
 
 
 class FollowingScores(BaseModel):

@@ -8,16 +8,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.panning.perception import Perception
-from evaluation.panning.truth import InWindow, People, in_window, overlap
-from schemas import CameraInfo, FrameId, TargetRequest, Tracks
-from services.capture.pan_window import PanSettings, PanWindow
-from services.capture.steering import Steering
-from services.drive.core import Drive
-from services.drive.settings import DriveSettings
-from services.follower.choosing import at_point
-from services.follower.core import Follower
-from services.follower.settings import FollowerSettings
+from heel.evaluation.panning.perception import Perception
+from heel.evaluation.panning.truth import InWindow, People, in_window, overlap
+from heel.schemas import CameraInfo, FrameId, TargetRequest, Tracks
+from heel.services.capture.pan_window import PanSettings, PanWindow
+from heel.services.capture.steering import Steering
+from heel.services.drive.core import Drive
+from heel.services.drive.settings import DriveSettings
+from heel.services.follower.choosing import at_point
+from heel.services.follower.core import Follower
+from heel.services.follower.settings import FollowerSettings
 
 CONTROL_S = 0.02
 """Follower and drive both run at 50 Hz, as their processes do."""

@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.panning.truth import InWindow
-from schemas import Blob, Blobs, CameraMotion, FrameId, Patch, Tracks
-from services.detector.settings import DetectorSettings
-from services.pipeline import InProcessPipeline
-from services.tracker.core import Tracker
-from services.tracker.settings import TrackerSettings
+from heel.evaluation.panning.truth import InWindow
+from heel.schemas import Blob, Blobs, CameraMotion, FrameId, Patch, Tracks
+from heel.services.detector.settings import DetectorSettings
+from heel.services.pipeline import InProcessPipeline
+from heel.services.tracker.core import Tracker
+from heel.services.tracker.settings import TrackerSettings
 
 PerceptionName = Literal["true-boxes", "pixels"]
 

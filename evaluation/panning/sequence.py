@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from evaluation.panning.episode import Episode, Outcome
-from evaluation.panning.perception import Perception
-from evaluation.panning.truth import NOBODY, People, read_people
-from schemas.errors import HeelError
-from services.capture.pan_window import PanSettings
-from services.capture.sources import open_source
+from heel.evaluation.panning.episode import Episode, Outcome
+from heel.evaluation.panning.perception import Perception
+from heel.evaluation.panning.truth import NOBODY, People, read_people
+from heel.schemas.errors import HeelError
+from heel.services.capture.pan_window import PanSettings
+from heel.services.capture.sources import open_source
 
 LEAST_VISIBLE_S = 3.0
 LEAD_IN_S = 3.0

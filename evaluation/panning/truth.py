@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.motchallenge import ground_truth_file, read_ground_truth
+from heel.evaluation.motchallenge import ground_truth_file, read_ground_truth
 
 Boxes = NDArray[np.float64]
 

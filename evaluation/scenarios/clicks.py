@@ -13,19 +13,19 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from evaluation.scenarios.episode import StackSettings
-from evaluation.scenarios.loop import ClosedLoop
-from evaluation.scenarios.pixels import Camera, RenderedPixels
-from schemas import FrameId, HeelError, Pointed, SimTruth, Target, TargetRequest, Track, Tracks
-from services.drive.core import Drive
-from services.follower.core import Follower
-from services.simulator.render.props import mirror_images
-from services.simulator.scenarios import scenario
-from services.simulator.script import Scenario
-from services.simulator.solids import Solids
-from services.simulator.state import CameraMount, Look, Obstacle, PersonState
-from services.simulator.walks import Leg
-from services.simulator.world import World
+from heel.evaluation.scenarios.episode import StackSettings
+from heel.evaluation.scenarios.loop import ClosedLoop
+from heel.evaluation.scenarios.pixels import Camera, RenderedPixels
+from heel.schemas import FrameId, HeelError, Pointed, SimTruth, Target, TargetRequest, Track, Tracks
+from heel.services.drive.core import Drive
+from heel.services.follower.core import Follower
+from heel.services.simulator.render.props import mirror_images
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.script import Scenario
+from heel.services.simulator.solids import Solids
+from heel.services.simulator.state import CameraMount, Look, Obstacle, PersonState
+from heel.services.simulator.walks import Leg
+from heel.services.simulator.world import World
 
 Aim = Literal["anything", "drawn person", "clothes", "coat stand", "mirror image", "person"]
 """What is clicked on: any place without a person, a thing that looks like one, or one."""

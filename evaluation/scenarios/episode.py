@@ -7,25 +7,25 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from evaluation.following.log import EpisodeLog
-from evaluation.following.scores import score_episode
-from evaluation.scenarios.loop import ClosedLoop
-from evaluation.scenarios.parallel import EpisodeTask
-from evaluation.scenarios.perception import EVERYTHING, Perception, Senses, SimulatedBoxes
-from evaluation.scenarios.picture import draw_episode
-from evaluation.scenarios.report import EpisodeResult, Mode
-from schemas.errors import HeelError
-from services.detector.settings import DetectorServiceSettings, DetectorSettings
-from services.drive.core import Drive
-from services.drive.settings import DriveServiceSettings, DriveSettings
-from services.follower.core import Follower
-from services.follower.settings import FollowerServiceSettings, FollowerSettings
-from services.runtime.settings import Loaded, load_settings
-from services.simulator.robot import RobotBody
-from services.simulator.scenarios import scenario
-from services.simulator.state import CameraMount
-from services.simulator.world import World
-from services.tracker.settings import TrackerServiceSettings, TrackerSettings
+from heel.evaluation.following.log import EpisodeLog
+from heel.evaluation.following.scores import score_episode
+from heel.evaluation.scenarios.loop import ClosedLoop
+from heel.evaluation.scenarios.parallel import EpisodeTask
+from heel.evaluation.scenarios.perception import EVERYTHING, Perception, Senses, SimulatedBoxes
+from heel.evaluation.scenarios.picture import draw_episode
+from heel.evaluation.scenarios.report import EpisodeResult, Mode
+from heel.schemas.errors import HeelError
+from heel.services.detector.settings import DetectorServiceSettings, DetectorSettings
+from heel.services.drive.core import Drive
+from heel.services.drive.settings import DriveServiceSettings, DriveSettings
+from heel.services.follower.core import Follower
+from heel.services.follower.settings import FollowerServiceSettings, FollowerSettings
+from heel.services.runtime.settings import Loaded, load_settings
+from heel.services.simulator.robot import RobotBody
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.state import CameraMount
+from heel.services.simulator.world import World
+from heel.services.tracker.settings import TrackerServiceSettings, TrackerSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ def run_in_processes(
         task: which episode.
     """
     # Here and not above: Zenoh must not be imported before `guarded` has forked.
-    from evaluation.scenarios.processes import ProcessEpisode
+    from heel.evaluation.scenarios.processes import ProcessEpisode
 
     if task.out is not None:
         _make_folder(task.out)
@@ -128,7 +128,7 @@ def _play(world: World, settings: StackSettings, task: EpisodeTask) -> EpisodeLo
         boxes = SimulatedBoxes(world, mount, settings.tracker)
         return ClosedLoop(world, mount, boxes, *cores, senses=settings.senses).run().log()
     # Here and not above: without pictures no extra is needed.
-    from evaluation.scenarios.pixels import Camera, Film, RenderedPixels
+    from heel.evaluation.scenarios.pixels import Camera, Film, RenderedPixels
 
     with ExitStack() as resources:
         camera = resources.enter_context(Camera(world, mount))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import shortest_path
 
-from services.simulator.state import Obstacle
+from heel.services.simulator.state import Obstacle
 
 Reals = NDArray[np.float64]
 _MARGIN_M = 1e-3

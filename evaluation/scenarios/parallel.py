@@ -12,9 +12,9 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 
-from evaluation.scenarios.report import EpisodeResult
-from schemas.errors import HeelError
-from services.runtime.process import PARENT_VARIABLE, die_with_parent
+from heel.evaluation.scenarios.report import EpisodeResult
+from heel.schemas.errors import HeelError
+from heel.services.runtime.process import PARENT_VARIABLE, die_with_parent
 
 _SILENCE_S = 600.0
 _KILL_S = 5.0

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from schemas import CameraInfo, FrameId, Pointed, Tracks
-from services.simulator.boxes import SimulatedDetector
-from services.simulator.state import CameraMount
-from services.simulator.world import World
-from services.tracker.core import configured
-from services.tracker.settings import TrackerSettings
+from heel.schemas import CameraInfo, FrameId, Pointed, Tracks
+from heel.services.simulator.boxes import SimulatedDetector
+from heel.services.simulator.state import CameraMount
+from heel.services.simulator.world import World
+from heel.services.tracker.core import configured
+from heel.services.tracker.settings import TrackerSettings
 
 STREAM = "front"
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.figures import INK, MUTED, new_figure, save, set_legend, set_title
-from evaluation.following.log import NOBODY, EpisodeLog
-from evaluation.following.scores import EpisodeScores
-from services.simulator.state import Scenery
+from heel.evaluation.figures import INK, MUTED, new_figure, save, set_legend, set_title
+from heel.evaluation.following.log import NOBODY, EpisodeLog
+from heel.evaluation.following.scores import EpisodeScores
+from heel.services.simulator.state import Scenery
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

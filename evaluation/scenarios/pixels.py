@@ -12,14 +12,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import FollowState, FrameId, Pointed, Tracks
-from services.detector.settings import DetectorSettings
-from services.pipeline import InProcessPipeline
-from services.run.annotate import AnnotatedVideo
-from services.simulator.render.renderer import Renderer
-from services.simulator.state import CameraMount
-from services.simulator.world import World
-from services.tracker.settings import TrackerSettings
+from heel.schemas import FollowState, FrameId, Pointed, Tracks
+from heel.services.detector.settings import DetectorSettings
+from heel.services.pipeline import InProcessPipeline
+from heel.services.run.annotate import AnnotatedVideo
+from heel.services.simulator.render.renderer import Renderer
+from heel.services.simulator.state import CameraMount
+from heel.services.simulator.world import World
+from heel.services.tracker.settings import TrackerSettings
 
 
 class Camera:

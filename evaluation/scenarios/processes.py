@@ -11,11 +11,11 @@ from pathlib import Path
 
 import zenoh
 
-from evaluation.following.log import EpisodeLog
-from evaluation.scenarios.perception import STREAM
-from evaluation.scenarios.user import User
-from evaluation.scenarios.witness import Moment, Witness
-from schemas import (
+from heel.evaluation.following.log import EpisodeLog
+from heel.evaluation.scenarios.perception import STREAM
+from heel.evaluation.scenarios.user import User
+from heel.evaluation.scenarios.witness import Moment, Witness
+from heel.schemas import (
     EndOfStream,
     FollowState,
     HeelError,
@@ -27,13 +27,13 @@ from schemas import (
     encode,
     keys,
 )
-from services.run.children import Children
-from services.run.presence import await_present
-from services.runtime import qos
-from services.runtime.inbox import Arrival, Inbox
-from services.runtime.router import open_private_router
-from services.simulator.scenarios import scenario
-from services.simulator.state import CameraMount
+from heel.services.run.children import Children
+from heel.services.run.presence import await_present
+from heel.services.runtime import qos
+from heel.services.runtime.inbox import Arrival, Inbox
+from heel.services.runtime.router import open_private_router
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.state import CameraMount
 
 _POLL_S = 0.1
 _SILENCE_S = 15.0
@@ -45,7 +45,7 @@ class ProcessEpisode:
     """Simulator, tracker, follower and drive as processes around a router of their own.
 
     The simulator's own boxes stand for pixels and detector. Must run in a process that
-    `services.run.guard.guarded` has made.
+    `heel.services.run.guard.guarded` has made.
 
     Args:
         name: of the scenario.

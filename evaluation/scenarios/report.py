@@ -11,9 +11,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from evaluation.following.scores import EpisodeScores, FollowingScores, summarise
-from evaluation.scenarios.perception import EVERYTHING, Senses
-from schemas.errors import HeelError
+from heel.evaluation.following.scores import EpisodeScores, FollowingScores, summarise
+from heel.evaluation.scenarios.perception import EVERYTHING, Senses
+from heel.schemas.errors import HeelError
 
 Mode = Literal["pixels", "simulated boxes"]
 Through = Literal["cores", "processes"]

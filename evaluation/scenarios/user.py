@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
-from schemas import HeelError, SimTruth, Target, TargetRequest
+from heel.schemas import HeelError, SimTruth, Target, TargetRequest
 
 _FIRST_CLICK_S = 1.0
 _AGAIN_S = 0.5

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.alignment import best_pairs, iou_matrix
-from evaluation.following.log import NOBODY, EpisodeLog
-from evaluation.scenarios.floor import Floor
-from schemas import FollowState, SimTruth, Tracks
-from services.simulator.state import CameraMount
-from services.simulator.world import World
+from heel.evaluation.alignment import best_pairs, iou_matrix
+from heel.evaluation.following.log import NOBODY, EpisodeLog
+from heel.evaluation.scenarios.floor import Floor
+from heel.schemas import FollowState, SimTruth, Tracks
+from heel.services.simulator.state import CameraMount
+from heel.services.simulator.world import World
 
 _LEAST_IOU = 0.3
 _ACTING = ("following", "occluded")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from schemas.errors import SourceError
-from services.capture.pixels import scaled_size, shrink
-from services.capture.source import MAX_FPS, Frame, FrameSource, SourceStatus
+from heel.schemas.errors import SourceError
+from heel.services.capture.pixels import scaled_size, shrink
+from heel.services.capture.source import MAX_FPS, Frame, FrameSource, SourceStatus
 
 
 class AdjustedSource(FrameSource):

@@ -12,20 +12,20 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schemas.errors import SourceError
-from services.capture.ffmpeg import open_address
-from services.capture.live import LiveSource
-from services.capture.snapshots import SnapshotDevice
-from services.capture.source import FrameSource, Warn, log_warning
-from services.capture.stream import KEY_FRAME_WAIT_S, StreamDevice
-from services.capture.video_device import VideoDevice, VideoDeviceFormat
-from services.capture.video_file import RecordedVideo
-from services.runtime.passwords import without_passwords
+from heel.schemas.errors import SourceError
+from heel.services.capture.ffmpeg import open_address
+from heel.services.capture.live import LiveSource
+from heel.services.capture.snapshots import SnapshotDevice
+from heel.services.capture.source import FrameSource, Warn, log_warning
+from heel.services.capture.stream import KEY_FRAME_WAIT_S, StreamDevice
+from heel.services.capture.video_device import VideoDevice, VideoDeviceFormat
+from heel.services.capture.video_file import RecordedVideo
+from heel.services.runtime.passwords import without_passwords
 
 if TYPE_CHECKING:
     from av.container import InputContainer
 
-    from services.capture.device import Device
+    from heel.services.capture.device import Device
 
 STREAM_SCHEMES = frozenset({"rtsp", "rtsps", "http", "https"})
 _SLOW_READS = 2.5

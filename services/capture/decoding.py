@@ -16,7 +16,7 @@ from av.video.frame import VideoFrame
 from av.video.reformatter import Interpolation, VideoReformatter
 from numpy.typing import NDArray
 
-from schemas.errors import SourceError
+from heel.schemas.errors import SourceError
 
 if TYPE_CHECKING:
     from av.packet import Packet

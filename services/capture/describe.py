@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from services.capture.settings import CaptureSettings
-from services.geometry.calibration_file import read_calibration
+from heel.services.capture.settings import CaptureSettings
+from heel.services.geometry.calibration_file import read_calibration
 
 
 @dataclass(frozen=True, slots=True)

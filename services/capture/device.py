@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.errors import SourceError
+from heel.schemas.errors import SourceError
 
 
 class RecordingEnded(SourceError):  # noqa: N818 - an end, not a fault

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import av
 import av.error
 
-from schemas.errors import SourceError
-from schemas.image import MAX_IMAGE_PIXELS
-from services.runtime.passwords import ESCAPES, may_hold_unescaped
+from heel.schemas.errors import SourceError
+from heel.schemas.image import MAX_IMAGE_PIXELS
+from heel.services.runtime.passwords import ESCAPES, may_hold_unescaped
 
 if TYPE_CHECKING:
     from av.container import InputContainer

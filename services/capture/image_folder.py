@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from schemas.errors import SourceError
-from services.capture.ffmpeg import shown_path
-from services.capture.frame_numbers import number_frames, ranges
-from services.capture.picture_file import Stretch, read_picture
-from services.capture.quiet import silence_decoders
-from services.capture.source import DEFAULT_FPS, Frame, FrameSource, Warn, log_warning
+from heel.schemas.errors import SourceError
+from heel.services.capture.ffmpeg import shown_path
+from heel.services.capture.frame_numbers import number_frames, ranges
+from heel.services.capture.picture_file import Stretch, read_picture
+from heel.services.capture.quiet import silence_decoders
+from heel.services.capture.source import DEFAULT_FPS, Frame, FrameSource, Warn, log_warning
 
 IMAGE_SUFFIXES = frozenset(
     {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"}

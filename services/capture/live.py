@@ -7,11 +7,11 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from schemas.errors import SourceError
-from services.capture.backoff import Backoff
-from services.capture.device import Device, Picture, RecordingEnded
-from services.capture.frozen import NewsWatch
-from services.capture.source import (
+from heel.schemas.errors import SourceError
+from heel.services.capture.backoff import Backoff
+from heel.services.capture.device import Device, Picture, RecordingEnded
+from heel.services.capture.frozen import NewsWatch
+from heel.services.capture.source import (
     Frame,
     FrameSource,
     SourceStatus,

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.errors import SourceError
-from services.capture.ffmpeg import shown_path
-from services.capture.image_folder import ImageFolderSource, list_images
-from services.capture.source import Frame
-from services.capture.sources import open_source
-from services.runtime.sequence_file import sequence_file
+from heel.schemas.errors import SourceError
+from heel.services.capture.ffmpeg import shown_path
+from heel.services.capture.image_folder import ImageFolderSource, list_images
+from heel.services.capture.source import Frame
+from heel.services.capture.sources import open_source
+from heel.services.runtime.sequence_file import sequence_file
 
 
 def pictures_by_number(path: Path) -> Callable[[int], NDArray[np.uint8]]:

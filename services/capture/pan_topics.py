@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schemas import (
+from heel.schemas import (
     DriveState,
     EndOfStream,
     FollowState,
@@ -12,12 +12,12 @@ from schemas import (
     decode,
     keys,
 )
-from services.capture.pan_window import PanWindow
-from services.capture.settings import CaptureSettings
-from services.capture.steering import Steering
-from services.runtime import qos
-from services.runtime.inbox import Arrival
-from services.runtime.service import ServiceContext
+from heel.services.capture.pan_window import PanWindow
+from heel.services.capture.settings import CaptureSettings
+from heel.services.capture.steering import Steering
+from heel.services.runtime import qos
+from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.service import ServiceContext
 
 LISTEN_S = 0.01
 """Between two looks at the topics: the drive speaks every 0.02 s."""

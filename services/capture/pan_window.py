@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from schemas.errors import SourceError
+from heel.schemas.errors import SourceError
 
 _REMEMBERED_FRAMES = 256
 _WHOLE_PIXEL = 1.0 / 32.0

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import MAX_DIMENSION_PX
-from schemas.errors import SourceError
-from schemas.image import MAX_IMAGE_PIXELS, jpeg_size
+from heel.schemas.base import MAX_DIMENSION_PX
+from heel.schemas.errors import SourceError
+from heel.schemas.image import MAX_IMAGE_PIXELS, jpeg_size
 
 _LARGEST_FILE_BYTES = 512 << 20
 _DEEP_FLAGS = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH

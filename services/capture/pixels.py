@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.errors import SourceError
-from schemas.image import MAX_IMAGE_BYTES
+from heel.schemas.errors import SourceError
+from heel.schemas.image import MAX_IMAGE_BYTES
 
 
 def to_bgr8(image: NDArray[np.integer | np.floating]) -> NDArray[np.uint8]:

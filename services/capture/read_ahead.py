@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import av.error
 
-from schemas.errors import SourceError
-from services.capture.source import SourceTimeout
+from heel.schemas.errors import SourceError
+from heel.services.capture.source import SourceTimeout
 
 if TYPE_CHECKING:
     from av.container import InputContainer

@@ -6,9 +6,9 @@ from urllib.parse import parse_qsl
 
 from pydantic import ValidationError
 
-from schemas.errors import SourceError
-from services.capture.scene import Scene, SceneSettings
-from services.capture.source import Frame, FrameSource
+from heel.schemas.errors import SourceError
+from heel.services.capture.scene import Scene, SceneSettings
+from heel.services.capture.source import Frame, FrameSource
 
 SCENE_PREFIX = "scene:"
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from schemas.errors import SourceError
-from services.capture.ffmpeg import shown_path
-from services.capture.image_folder import VIDEO_SUFFIXES, ImageFolderSource, list_images
-from services.capture.source import FrameSource, Warn, log_warning, plausible_fps
-from services.capture.video_file import VideoFileSource
-from services.runtime.sequence_file import SEQUENCE_FILE, read_sequence_file, sequence_file
+from heel.schemas.errors import SourceError
+from heel.services.capture.ffmpeg import shown_path
+from heel.services.capture.image_folder import VIDEO_SUFFIXES, ImageFolderSource, list_images
+from heel.services.capture.source import FrameSource, Warn, log_warning, plausible_fps
+from heel.services.capture.video_file import VideoFileSource
+from heel.services.runtime.sequence_file import SEQUENCE_FILE, read_sequence_file, sequence_file
 
 
 def open_sequence(folder: Path, warn: Warn = log_warning) -> FrameSource:

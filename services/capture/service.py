@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from schemas import (
+from heel.schemas import (
     CameraInfo,
     EndOfStream,
     HeelError,
@@ -19,24 +19,24 @@ from schemas import (
     encode,
     keys,
 )
-from schemas.errors import SettingsError
-from schemas.image import MAX_IMAGE_BYTES
-from services.capture.credit import CreditWindow
-from services.capture.describe import mounting
-from services.capture.pan_topics import LISTEN_S, PanTopics
-from services.capture.pixels import fit_to_cap
-from services.capture.settings import CaptureSettings
-from services.capture.source import Frame, FrameSource, SourceTimeout
-from services.capture.sources import open_source
-from services.capture.video_device import VideoDeviceFormat
-from services.runtime import qos
-from services.runtime.clock import monotonic_clock
-from services.runtime.frame_memory import FrameMemory
-from services.runtime.images import ImageCoding, StreamIdentity, pack_image
-from services.runtime.pacing import Pacer
-from services.runtime.publishing import Latched
-from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
-from services.runtime.settings import Loaded
+from heel.schemas.errors import SettingsError
+from heel.schemas.image import MAX_IMAGE_BYTES
+from heel.services.capture.credit import CreditWindow
+from heel.services.capture.describe import mounting
+from heel.services.capture.pan_topics import LISTEN_S, PanTopics
+from heel.services.capture.pixels import fit_to_cap
+from heel.services.capture.settings import CaptureSettings
+from heel.services.capture.source import Frame, FrameSource, SourceTimeout
+from heel.services.capture.sources import open_source
+from heel.services.capture.video_device import VideoDeviceFormat
+from heel.services.runtime import qos
+from heel.services.runtime.clock import monotonic_clock
+from heel.services.runtime.frame_memory import FrameMemory
+from heel.services.runtime.images import ImageCoding, StreamIdentity, pack_image
+from heel.services.runtime.pacing import Pacer
+from heel.services.runtime.publishing import Latched
+from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
+from heel.services.runtime.settings import Loaded
 
 _LIVE_FRAMES = 6
 """Frames that two receivers can hold between them, each at work on one with two waiting."""

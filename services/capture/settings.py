@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from schemas.base import Name
-from services.runtime.settings import ServiceSettings, split_list
+from heel.schemas.base import Name
+from heel.services.runtime.settings import ServiceSettings, split_list
 
 
 class CaptureSettings(ServiceSettings):

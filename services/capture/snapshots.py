@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import av.error
 
-from schemas.errors import SourceError
-from services.capture.decoding import Converter, Decoder
-from services.capture.device import Picture
-from services.capture.ffmpeg import reason, video_stream
+from heel.schemas.errors import SourceError
+from heel.services.capture.decoding import Converter, Decoder
+from heel.services.capture.device import Picture
+from heel.services.capture.ffmpeg import reason, video_stream
 
 if TYPE_CHECKING:
     from av.container import InputContainer

@@ -12,8 +12,8 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.errors import SourceError
-from services.capture.pan_window import PanWindow
+from heel.schemas.errors import SourceError
+from heel.services.capture.pan_window import PanWindow
 
 DEFAULT_FPS = 25.0
 """Rate assumed when a container or a driver gives none or a nonsensical one."""

@@ -10,19 +10,19 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from schemas.errors import SourceError
-from services.capture.adjust import AdjustedSource, LoopedSource, check_adjustment
-from services.capture.camera import STREAM_SCHEMES, open_device, open_stream
-from services.capture.ffmpeg import shown_path
-from services.capture.image_folder import IMAGE_SUFFIXES, ImageFolderSource, list_images
-from services.capture.scene_source import SCENE_PREFIX, open_scene
-from services.capture.sequence import open_sequence
-from services.capture.source import FrameSource, Warn, log_warning
-from services.capture.video_device import VideoDeviceFormat
-from services.capture.video_file import VideoFileSource
-from services.capture.virtual_pan import PAN_PREFIX, open_pan
-from services.runtime.passwords import without_passwords
-from services.runtime.sequence_file import sequence_file
+from heel.schemas.errors import SourceError
+from heel.services.capture.adjust import AdjustedSource, LoopedSource, check_adjustment
+from heel.services.capture.camera import STREAM_SCHEMES, open_device, open_stream
+from heel.services.capture.ffmpeg import shown_path
+from heel.services.capture.image_folder import IMAGE_SUFFIXES, ImageFolderSource, list_images
+from heel.services.capture.scene_source import SCENE_PREFIX, open_scene
+from heel.services.capture.sequence import open_sequence
+from heel.services.capture.source import FrameSource, Warn, log_warning
+from heel.services.capture.video_device import VideoDeviceFormat
+from heel.services.capture.video_file import VideoFileSource
+from heel.services.capture.virtual_pan import PAN_PREFIX, open_pan
+from heel.services.runtime.passwords import without_passwords
+from heel.services.runtime.sequence_file import sequence_file
 
 _DEVICE = re.compile(r"(?:/dev/video)?(\d{1,4})")
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")

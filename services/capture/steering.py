@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from schemas import Odometry, Tracks
-from services.capture.pan_window import PanWindow
+from heel.schemas import Odometry, Tracks
+from heel.services.capture.pan_window import PanWindow
 
 STALE_S = 0.2
 """Without news from the drive for so long, the window stands."""

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import av.error
 
-from schemas.errors import SourceError
-from services.capture.arrivals import CountedArrivals, StampedArrivals
-from services.capture.decoding import Converter, Decoded, Decoder
-from services.capture.device import Picture, RecordingEnded
-from services.capture.ffmpeg import reason, video_stream
+from heel.schemas.errors import SourceError
+from heel.services.capture.arrivals import CountedArrivals, StampedArrivals
+from heel.services.capture.decoding import Converter, Decoded, Decoder
+from heel.services.capture.device import Picture, RecordingEnded
+from heel.services.capture.ffmpeg import reason, video_stream
 
 if TYPE_CHECKING:
     from av.container import InputContainer

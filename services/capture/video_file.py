@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import av.error
 
-from schemas.errors import SourceError
-from services.capture.decoding import Converter, Decoded, Decoder
-from services.capture.ffmpeg import CONVERT, open_file, reason, shown_path, video_stream
-from services.capture.read_ahead import ReadAhead
-from services.capture.source import Frame, FrameSource, Warn, log_warning, plausible_fps
+from heel.schemas.errors import SourceError
+from heel.services.capture.decoding import Converter, Decoded, Decoder
+from heel.services.capture.ffmpeg import CONVERT, open_file, reason, shown_path, video_stream
+from heel.services.capture.read_ahead import ReadAhead
+from heel.services.capture.source import Frame, FrameSource, Warn, log_warning, plausible_fps
 
 if TYPE_CHECKING:
     from av.container import InputContainer

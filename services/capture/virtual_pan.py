@@ -11,11 +11,11 @@ from urllib.parse import parse_qsl
 
 from pydantic import ValidationError
 
-from schemas.errors import SourceError
-from services.capture.pan_window import PanSettings, PanWindow
-from services.capture.source import Frame, FrameSource, SourceTimeout
-from services.runtime.pacing import Pacer
-from services.runtime.passwords import without_passwords
+from heel.schemas.errors import SourceError
+from heel.services.capture.pan_window import PanSettings, PanWindow
+from heel.services.capture.source import Frame, FrameSource, SourceTimeout
+from heel.services.runtime.pacing import Pacer
+from heel.services.runtime.passwords import without_passwords
 
 PAN_PREFIX = "pan:"
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import typer
 
-from services.commands.calibrate import calibrate
-from services.commands.control import follow
-from services.commands.demo import demo
-from services.commands.run import run
-from services.commands.scenarios import scenarios
-from services.commands.schema import schema
-from services.commands.score import score
-from services.commands.status import status
-from services.commands.stopping import resume, stop
-from services.commands.track_detections import track_detections
+from heel.services.commands.calibrate import calibrate
+from heel.services.commands.control import follow
+from heel.services.commands.demo import demo
+from heel.services.commands.run import run
+from heel.services.commands.scenarios import scenarios
+from heel.services.commands.schema import schema
+from heel.services.commands.score import score
+from heel.services.commands.status import status
+from heel.services.commands.stopping import resume, stop
+from heel.services.commands.track_detections import track_detections
 
 
 def register_tools(app: typer.Typer) -> None:

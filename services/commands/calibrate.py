@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schemas.errors import HeelError, SettingsError
+from heel.schemas.errors import HeelError, SettingsError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,8 +40,8 @@ def calibrate(
     ] = None,
 ) -> None:
     """Estimate mounting height, pitch and field of view; write them to a calibration file."""
-    from services.geometry.calibrate import estimate_mount
-    from services.geometry.calibration_file import calibration_of, write_calibration
+    from heel.services.geometry.calibrate import estimate_mount
+    from heel.services.geometry.calibration_file import calibration_of, write_calibration
 
     if fov_deg is not None and not 0 < fov_deg < 180:
         raise SettingsError(f"--fov-deg {fov_deg:g}: give degrees between 0 and 180")
@@ -86,7 +86,7 @@ def _of_tracks(file: Path, image_size: str | None) -> dict[int, FloatArray]:
     Raises:
         HeelError: malformed, empty, or the picture's size was not told.
     """
-    from evaluation.motchallenge import read_tracks
+    from heel.evaluation.motchallenge import read_tracks
 
     if image_size is None:
         raise SettingsError(f"{file}: tracks do not tell the picture's size; give --image-size WxH")
@@ -112,7 +112,7 @@ def _of_recording(source: str) -> tuple[dict[int, FloatArray], tuple[int, int]]:
     """
     import numpy as np
 
-    from services.pipeline import RecordedFrames, load_pipeline
+    from heel.services.pipeline import RecordedFrames, load_pipeline
 
     pipeline, _ = load_pipeline("default", "none", None)
     seen: dict[int, list[tuple[float, float, float, float]]] = {}

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schemas import (
+from heel.schemas import (
     HeelError,
     SettingsError,
     Target,
     TargetRequest,
     keys,
 )
-from services.commands.robot import (
+from heel.services.commands.robot import (
     Config,
     Connect,
     Namespace,
@@ -23,7 +23,7 @@ from services.commands.robot import (
     find,
     session_with,
 )
-from services.runtime.logs import printable
+from heel.services.runtime.logs import printable
 
 if TYPE_CHECKING:
     import zenoh

@@ -16,12 +16,12 @@ from typing import Annotated, Literal
 
 import typer
 
-from schemas.errors import SettingsError
-from services.commands.drawn_demo import play_scene, results_in
-from services.commands.run import PARENT_EXIT_S
-from services.run.folder import DEMO_PREFIX, ScratchFolder, sweep
-from services.run.guard import guarded
-from services.run.options import RunOptions
+from heel.schemas.errors import SettingsError
+from heel.services.commands.drawn_demo import play_scene, results_in
+from heel.services.commands.run import PARENT_EXIT_S
+from heel.services.run.folder import DEMO_PREFIX, ScratchFolder, sweep
+from heel.services.run.guard import guarded
+from heel.services.run.options import RunOptions
 
 SCENARIO, SEED = "distractor-3", 4
 
@@ -103,10 +103,10 @@ def _play_world(
     perception: Literal["simulated-boxes", "pixels"], kept: bool,
 ) -> None:  # fmt: skip
     # Imported here, in the guarded process: see `guarded`.
-    from services.run.checks import check_settings
-    from services.run.world import WorldOptions, WorldRun
-    from services.runtime.logs import set_up_command_logging
-    from services.runtime.service import stop_signals
+    from heel.services.run.checks import check_settings
+    from heel.services.run.world import WorldOptions, WorldRun
+    from heel.services.runtime.logs import set_up_command_logging
+    from heel.services.runtime.service import stop_signals
 
     set_up_command_logging()
     duration_s = _check_world(scenario, seed)
@@ -141,14 +141,14 @@ def _check_world(scenario: str, seed: int) -> float:
         SettingsError: there is no such scenario.
         HeelError: what draws the pictures is not installed.
     """
-    from services.simulator import scenarios
+    from heel.services.simulator import scenarios
 
     if scenario not in scenarios.SCENARIOS:
         known = ", ".join(scenarios.SCENARIOS)
         raise SettingsError(f"no scenario {scenario!r}: choose one of {known}")
     if find_spec("panda3d") is None:
         # Says so, in the words of the simulator.
-        import_module("services.simulator.render.panda")
+        import_module("heel.services.simulator.render.panda")
     return scenarios.scenario(scenario, seed).scenario.duration_s
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import typer
 
-from schemas.errors import HeelError
-from services.commands.run import PARENT_EXIT_S
-from services.run.options import RunOptions
+from heel.schemas.errors import HeelError
+from heel.services.commands.run import PARENT_EXIT_S
+from heel.services.run.options import RunOptions
 
 
 def results_in(folder: Path, kept: bool) -> str:
@@ -20,11 +20,11 @@ def results_in(folder: Path, kept: bool) -> str:
 def play_scene(options: RunOptions, kept: bool) -> None:
     """Run the scene and score its first pass; `kept` is whether the folder stays."""
     # Imported here, in the guarded process: see `guarded`.
-    from services.run.checks import check_options
-    from services.run.distributed import DistributedRun
-    from services.run.report import print_summary
-    from services.runtime.logs import set_up_command_logging
-    from services.runtime.service import stop_signals
+    from heel.services.run.checks import check_options
+    from heel.services.run.distributed import DistributedRun
+    from heel.services.run.report import print_summary
+    from heel.services.runtime.logs import set_up_command_logging
+    from heel.services.runtime.service import stop_signals
 
     set_up_command_logging()
     check_options(options)
@@ -38,9 +38,9 @@ def _print_scores(scene: str, folder: Path) -> None:
     """Score the first pass of the scene against what was drawn."""
     from rich.console import Console
 
-    from evaluation.motchallenge import read_tracks
-    from evaluation.report import evaluate, scores_table
-    from services.pipeline import scene_truth
+    from heel.evaluation.motchallenge import read_tracks
+    from heel.evaluation.report import evaluate, scores_table
+    from heel.services.pipeline import scene_truth
 
     if not (folder / "tracks.txt").is_file():
         return

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schemas import HeelError, Message, SettingsError, decode, encode
+from heel.schemas import HeelError, Message, SettingsError, decode, encode
 
 if TYPE_CHECKING:
     import zenoh
 
-    from services.runtime.registry import Run
-    from services.runtime.settings import ZenohSettings
+    from heel.services.runtime.registry import Run
+    from heel.services.runtime.settings import ZenohSettings
 
 TIMEOUT_S = 2.0
 _LOOPBACK_TIMEOUT_S = 0.2
@@ -60,8 +60,8 @@ def find(connect: str | None, run: int | None, namespace: str | None, config: Pa
     Raises:
         SettingsError: several are possible, or the one named does not run.
     """
-    from services.runtime.registry import runs
-    from services.runtime.settings import StrictSettings, load_settings
+    from heel.services.runtime.registry import runs
+    from heel.services.runtime.settings import StrictSettings, load_settings
 
     given = {"connect": connect, "namespace": namespace}
     flags: dict[str, dict[str, object]] = {
@@ -121,7 +121,7 @@ def session_with(where: Where) -> Iterator[zenoh.Session]:
     """
     import logging
 
-    from services.runtime.session import open_session, start_zenoh_log
+    from heel.services.runtime.session import open_session, start_zenoh_log
 
     start_zenoh_log()
     # What commands say and hear is small, and a stop must get through when /dev/shm is full.

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
-from schemas import (
+from heel.schemas import (
     DriveState,
     EStop,
     FollowState,
@@ -21,7 +21,7 @@ from schemas import (
     encode,
     keys,
 )
-from services.commands.robot import Where
+from heel.services.commands.robot import Where
 
 if TYPE_CHECKING:
     import zenoh
@@ -129,7 +129,7 @@ class RobotLine:
     def _talk(self) -> None:
         import zenoh
 
-        from services.commands.robot import session_with
+        from heel.services.commands.robot import session_with
 
         with session_with(self._where) as session:
             subscribers = [

@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 
 import typer
 
-from schemas.errors import SettingsError
-from services.run.folder import STAGING_PREFIX, sweep
-from services.run.guard import guarded
-from services.run.options import RunOptions
-from services.runtime.passwords import without_passwords
+from heel.schemas.errors import SettingsError
+from heel.services.run.folder import STAGING_PREFIX, sweep
+from heel.services.run.guard import guarded
+from heel.services.run.options import RunOptions
+from heel.services.runtime.passwords import without_passwords
 
 PARENT_EXIT_S = 12.0
 """Longest orderly end of a run: children get 2.5 s to end and 2 s to be killed."""
@@ -96,12 +96,12 @@ def _print_page(url: str) -> None:
 
 def _work(options: RunOptions, in_process: bool) -> None:
     # Imported here, in the guarded process: see `guarded`.
-    from services.run.checks import check_options
-    from services.run.distributed import DistributedRun
-    from services.run.in_process import run_in_process
-    from services.run.report import print_summary
-    from services.runtime.logs import set_up_command_logging
-    from services.runtime.service import stop_signals
+    from heel.services.run.checks import check_options
+    from heel.services.run.distributed import DistributedRun
+    from heel.services.run.in_process import run_in_process
+    from heel.services.run.report import print_summary
+    from heel.services.runtime.logs import set_up_command_logging
+    from heel.services.runtime.service import stop_signals
 
     set_up_command_logging()
     with stop_signals(PARENT_EXIT_S) as stopping:
@@ -123,7 +123,7 @@ def is_camera(source: str) -> bool:
     if source.isdigit() or source.startswith(("/dev/", "pan:")):
         return True
     if source.lower().startswith(("http://", "https://")):
-        from services.capture.camera import holds_recording
+        from heel.services.capture.camera import holds_recording
 
         return not holds_recording(source)
     return "://" in source

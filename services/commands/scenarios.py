@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schemas.errors import SettingsError
+from heel.schemas.errors import SettingsError
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from evaluation.scenarios.episode import StackSettings
-    from evaluation.scenarios.parallel import EpisodeTask, Run
-    from evaluation.scenarios.report import EpisodeResult, Mode, ScenarioReport
+    from heel.evaluation.scenarios.episode import StackSettings
+    from heel.evaluation.scenarios.parallel import EpisodeTask, Run
+    from heel.evaluation.scenarios.report import EpisodeResult, Mode, ScenarioReport
 
 
 _Episodes = Annotated[int, typer.Option(min=1, max=100_000, help="how many, the scenarios in turn")]
@@ -91,9 +91,9 @@ def scenarios(
     ranges: _Ranges = True, calibrated: _Calibrated = True,
 ) -> None:  # fmt: skip
     """Follow people through simulated scenarios, and score it."""
-    from evaluation.scenarios.parallel import spread
-    from services.simulator.posture_scenarios import POSTURES
-    from services.simulator.scenarios import SCENARIOS
+    from heel.evaluation.scenarios.parallel import spread
+    from heel.services.simulator.posture_scenarios import POSTURES
+    from heel.services.simulator.scenarios import SCENARIOS
 
     names = scenario or list(POSTURES if postures else SCENARIOS)
     if processes and not (ranges and calibrated):
@@ -106,11 +106,11 @@ def scenarios(
     tasks = spread(names, episodes, seed, out, video)
     mode: Mode = "simulated boxes" if boxes else "pixels"
     if processes:
-        from services.run.guard import guarded
+        from heel.services.run.guard import guarded
 
         raise typer.Exit(guarded(lambda: _run_processes(tasks, seed, config, as_json, out)))
-    from evaluation.scenarios.episode import load_stack
-    from evaluation.scenarios.perception import Senses
+    from heel.evaluation.scenarios.episode import load_stack
+    from heel.evaluation.scenarios.perception import Senses
 
     stack = load_stack(mode, config, detector, model, model_class)
     stack = replace(stack, senses=Senses(ranges, calibrated))
@@ -118,8 +118,8 @@ def scenarios(
 
 
 def _check(names: list[str], boxes: bool, processes: bool, video: bool, out: Path | None) -> None:
-    from services.simulator.posture_scenarios import POSTURES
-    from services.simulator.scenarios import SCENARIOS
+    from heel.services.simulator.posture_scenarios import POSTURES
+    from heel.services.simulator.scenarios import SCENARIOS
 
     known = SCENARIOS | POSTURES
     if unknown := [name for name in names if name not in known]:
@@ -135,8 +135,8 @@ def _run_cores(
     tasks: list[EpisodeTask], seed: int, stack: StackSettings, jobs: int | None, as_json: bool,
     out: Path | None,
 ) -> None:  # fmt: skip
-    from evaluation.scenarios.episode import run_episode
-    from evaluation.scenarios.report import make_report
+    from heel.evaluation.scenarios.episode import run_episode
+    from heel.evaluation.scenarios.report import make_report
 
     results, wall_s = _run_all(partial(run_episode, stack), tasks, jobs or os.cpu_count() or 1)
     report = make_report(results, seed, stack.mode, wall_s, senses=stack.senses)
@@ -146,10 +146,10 @@ def _run_cores(
 def _run_processes(
     tasks: list[EpisodeTask], seed: int, config: Path | None, as_json: bool, out: Path | None
 ) -> None:
-    from evaluation.scenarios.episode import load_stack, run_in_processes
-    from evaluation.scenarios.report import make_report
-    from services.commands.run import PARENT_EXIT_S
-    from services.runtime.service import stop_signals
+    from heel.evaluation.scenarios.episode import load_stack, run_in_processes
+    from heel.evaluation.scenarios.report import make_report
+    from heel.services.commands.run import PARENT_EXIT_S
+    from heel.services.runtime.service import stop_signals
 
     mode: Mode = "simulated boxes"
     with stop_signals(PARENT_EXIT_S) as stopping:
@@ -159,7 +159,7 @@ def _run_processes(
 
 
 def _run_all(run: Run, tasks: list[EpisodeTask], jobs: int) -> tuple[list[EpisodeResult], float]:
-    from evaluation.scenarios.parallel import run_all
+    from heel.evaluation.scenarios.parallel import run_all
 
     started_s = time.monotonic()
     with _progress() as progress:
@@ -173,7 +173,7 @@ def _tell(
 ) -> None:
     from rich.console import Console
 
-    from evaluation.scenarios.report import report_table, write_episodes
+    from heel.evaluation.scenarios.report import report_table, write_episodes
 
     if out is not None:
         write_episodes(results, report.mode, out / "episodes.jsonl")

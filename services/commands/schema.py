@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schemas.errors import SettingsError
+from heel.schemas.errors import SettingsError
 
 
 def schema(
@@ -16,7 +16,7 @@ def schema(
     ] = None,
 ) -> None:
     """Print the JSON Schema, encoding and size cap of one message or of all."""
-    from schemas.export import json_schemas
+    from heel.schemas.export import json_schemas
 
     schemas = json_schemas()
     if name is None:

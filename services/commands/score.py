@@ -34,7 +34,7 @@ def score(
     """Score TRACKS against GT: MOTA, MOTP, IDF1, HOTA, switches, keep%, wrong%, Dice."""
     from rich.console import Console
 
-    from evaluation.report import (
+    from heel.evaluation.report import (
         find_pairs,
         load_sequence,
         score_sequence,
@@ -47,7 +47,7 @@ def score(
         sequence = load_sequence(truth, output, iou_threshold=iou, flags=flags)
         scores.append(score_sequence(sequence, iou_threshold=iou))
         if plot is not None:
-            from evaluation.plots import write_plots
+            from heel.evaluation.plots import write_plots
 
             for path in write_plots(sequence, plot, iou_threshold=iou):
                 typer.echo(f"wrote {path}", err=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from schemas import (
+from heel.schemas import (
     EndOfStream,
     FollowState,
     Health,
@@ -20,8 +20,8 @@ from schemas import (
     decode,
     keys,
 )
-from services.commands.control import shown
-from services.commands.robot import (
+from heel.services.commands.control import shown
+from heel.services.commands.robot import (
     Config,
     Connect,
     Namespace,
@@ -31,7 +31,7 @@ from services.commands.robot import (
     find,
     session_with,
 )
-from services.runtime.chain import (
+from heel.services.runtime.chain import (
     CHAIN,
     MISSING,
     ChainWatch,
@@ -41,7 +41,7 @@ from services.runtime.chain import (
     describe,
     page_of,
 )
-from services.runtime.logs import printable
+from heel.services.runtime.logs import printable
 
 if TYPE_CHECKING:
     import zenoh

@@ -13,11 +13,11 @@ from typing import Annotated
 
 import typer
 
-from schemas import DriveState, EStop, FollowState, HeelError
-from services.commands.robot import Config, Connect, Namespace, RunOption, Where, find
-from services.commands.robot_line import Heard, RobotLine
-from services.runtime.logs import printable
-from services.runtime.stop_socket import LocalAnswer, drives_here
+from heel.schemas import DriveState, EStop, FollowState, HeelError
+from heel.services.commands.robot import Config, Connect, Namespace, RunOption, Where, find
+from heel.services.commands.robot_line import Heard, RobotLine
+from heel.services.runtime.logs import printable
+from heel.services.runtime.stop_socket import LocalAnswer, drives_here
 
 _IN_ALL_S = 1.8
 """From the start of the process to its last word, a little below the two seconds that are said."""
@@ -115,7 +115,7 @@ class _Here:
         self._done = threading.Event()
 
         def call() -> None:
-            from services.runtime.places import robot_name
+            from heel.services.runtime.places import robot_name
 
             with suppress(HeelError):
                 self.answers = drives_here(robot_name(where.zenoh), press, _HERE_S)

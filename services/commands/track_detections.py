@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from schemas.errors import HeelError, SettingsError
+from heel.schemas.errors import HeelError, SettingsError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from evaluation.rows import BoxRows
-    from services.tracker.given_boxes.sequence import GivenSequence, Picture
-    from services.tracker.given_boxes.settings import BoxTrackerSettings
-    from services.tracker.given_boxes.track import TrackOutput
+    from heel.evaluation.rows import BoxRows
+    from heel.services.tracker.given_boxes.sequence import GivenSequence, Picture
+    from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
+    from heel.services.tracker.given_boxes.track import TrackOutput
 
 _REACH = 1.5
 """Boxes may go on outside of the picture, but not so far."""
@@ -51,9 +51,9 @@ def track_detections(
     ] = None,
 ) -> None:  # fmt: skip
     """Give the boxes of DET identities, online; write MOTChallenge rows to TRACKS."""
-    from evaluation.motchallenge import write_tracks
-    from services.capture.numbered_pictures import pictures_by_number
-    from services.tracker.given_boxes.sequence import track_sequence
+    from heel.evaluation.motchallenge import write_tracks
+    from heel.services.capture.numbered_pictures import pictures_by_number
+    from heel.services.tracker.given_boxes.sequence import track_sequence
 
     given = read_given(detections, fps, image_size)
     picture = None if frames is None else _of_size(pictures_by_number(frames), given, frames)
@@ -67,7 +67,7 @@ def shown_rows(tracked: Iterable[tuple[int, list[TrackOutput]]]) -> BoxRows:
     """What `track_sequence` yields, as rows of a tracks file."""
     import numpy as np
 
-    from evaluation.rows import rows_from_xyxy
+    from heel.evaluation.rows import rows_from_xyxy
 
     shown = [(frame, track) for frame, tracks in tracked for track in tracks]
     return rows_from_xyxy(
@@ -86,10 +86,10 @@ def read_given(
     Raises:
         HeelError: a file is missing, empty or malformed, or nothing tells the frame rate.
     """
-    from evaluation.motchallenge import read_detections, read_sequence_info
-    from evaluation.plausible import MOST_FRAMES_WITHOUT_BOXES, check_size
-    from services.runtime.sequence_file import sequence_file
-    from services.tracker.given_boxes.sequence import GivenSequence
+    from heel.evaluation.motchallenge import read_detections, read_sequence_info
+    from heel.evaluation.plausible import MOST_FRAMES_WITHOUT_BOXES, check_size
+    from heel.services.runtime.sequence_file import sequence_file
+    from heel.services.tracker.given_boxes.sequence import GivenSequence
 
     file = detections / "det" / "det.txt" if detections.is_dir() else detections
     rows = read_detections(file)
@@ -137,7 +137,7 @@ def _size(text: str) -> tuple[int, int]:
 def _settings(file: Path | None) -> BoxTrackerSettings:
     from pydantic import ValidationError
 
-    from services.tracker.given_boxes.settings import BoxTrackerSettings
+    from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
 
     if file is None:
         return BoxTrackerSettings()

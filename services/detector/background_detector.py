@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas import Blobs, CameraMotion, Evidence, FrameId, Tracks
-from schemas.blobs import MAX_BLOBS
-from services.detector.camera_motion import MotionEstimate
-from services.detector.geometry import WorkSize
-from services.detector.interface import Frame
-from services.detector.packing import pack
-from services.detector.regions import Foreground
-from services.detector.settings import DetectorSettings
+from heel.schemas import Blobs, CameraMotion, Evidence, FrameId, Tracks
+from heel.schemas.blobs import MAX_BLOBS
+from heel.services.detector.camera_motion import MotionEstimate
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.interface import Frame
+from heel.services.detector.packing import pack
+from heel.services.detector.regions import Foreground
+from heel.services.detector.settings import DetectorSettings
 
 SceneKey = tuple[str, int, int, int]
 """Stream, epoch, width, height."""

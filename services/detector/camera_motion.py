@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy
+from heel.schemas.base import BoxXyxy
 
 Affine = NDArray[np.float64]
 """(2, 3) matrix that maps pixels of an older frame to pixels of a newer one."""

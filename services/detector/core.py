@@ -8,15 +8,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, FrameId, Pointed, SettingsError, Tracks
-from services.detector.auto.detector import AutoDetector
-from services.detector.background_detector import BackgroundDetector
-from services.detector.ego.foreground import EgoForeground
-from services.detector.interface import Factory, Frame, FrameDetector, added_detector
-from services.detector.mixture.foreground import MixtureForeground
-from services.detector.mog2.foreground import Mog2Foreground
-from services.detector.neural.detector import NeuralDetector
-from services.detector.settings import DetectorSettings
+from heel.schemas import Blobs, FrameId, Pointed, SettingsError, Tracks
+from heel.services.detector.auto.detector import AutoDetector
+from heel.services.detector.background_detector import BackgroundDetector
+from heel.services.detector.ego.foreground import EgoForeground
+from heel.services.detector.interface import Factory, Frame, FrameDetector, added_detector
+from heel.services.detector.mixture.foreground import MixtureForeground
+from heel.services.detector.mog2.foreground import Mog2Foreground
+from heel.services.detector.neural.detector import NeuralDetector
+from heel.services.detector.settings import DetectorSettings
 
 
 class Detector:

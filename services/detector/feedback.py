@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 
-from schemas import FrameId, Tracks
+from heel.schemas import FrameId, Tracks
 
 _KEPT = 64
 

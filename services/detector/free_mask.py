@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import FrameId, Track, Tracks
-from services.detector.camera_motion import Affine
-from services.detector.geometry import WorkSize
+from heel.schemas import FrameId, Track, Tracks
+from heel.services.detector.camera_motion import Affine
+from heel.services.detector.geometry import WorkSize
 
 _SIDE, _ABOVE, _BELOW = 0.25, 0.08, 0.06
 

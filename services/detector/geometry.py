@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy
+from heel.schemas.base import BoxXyxy
 
 # Under the schema's 2048 pixels a side; two bit planes of this size stay under its byte cap even
 # when zlib cannot shrink them.

@@ -15,8 +15,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, FrameId, Pointed, SettingsError, Tracks
-from services.detector.settings import DetectorSettings
+from heel.schemas import Blobs, FrameId, Pointed, SettingsError, Tracks
+from heel.services.detector.settings import DetectorSettings
 
 GROUP = "heel.detectors"
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.detector.camera_motion import Affine, compose
+from heel.services.detector.camera_motion import Affine, compose
 
 SPAN_S = 0.12
 """At 0.12 s a walking person's outline has moved by several working pixels, a camera has not."""

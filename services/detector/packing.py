@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blob, Patch
-from services.detector.geometry import WorkSize
-from services.detector.regions import Region
+from heel.schemas import Blob, Patch
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.regions import Region
 
 PATCH_BUDGET_BYTES = 700_000
 """For all patches of a message; leaves room for evidence (250 kB) under its cap of 1 MiB."""

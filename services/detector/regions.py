@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import FrameId, Tracks
-from services.detector.camera_motion import MotionEstimate
+from heel.schemas import FrameId, Tracks
+from heel.services.detector.camera_motion import MotionEstimate
 
 Indices = NDArray[np.intp]
 """Positions in a flattened map, ascending."""

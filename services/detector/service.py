@@ -6,7 +6,7 @@ import time
 
 import cv2
 
-from schemas import (
+from heel.schemas import (
     Blobs,
     EndOfStream,
     FrameId,
@@ -17,15 +17,15 @@ from schemas import (
     decode,
     keys,
 )
-from schemas.image import decode_image
-from services.detector.core import Detector
-from services.detector.feedback import FeedbackBuffer
-from services.detector.settings import DetectorServiceSettings
-from services.runtime import qos
-from services.runtime.inbox import Arrival
-from services.runtime.service import ServiceContext, run_service
-from services.runtime.settings import Loaded
-from services.runtime.streams import StreamJudge
+from heel.schemas.image import decode_image
+from heel.services.detector.core import Detector
+from heel.services.detector.feedback import FeedbackBuffer
+from heel.services.detector.settings import DetectorServiceSettings
+from heel.services.runtime import qos
+from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.service import ServiceContext, run_service
+from heel.services.runtime.settings import Loaded
+from heel.services.runtime.streams import StreamJudge
 
 
 class DetectorService:

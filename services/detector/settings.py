@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from services.runtime.settings import ServiceSettings
+from heel.services.runtime.settings import ServiceSettings
 
 Preset = Literal["default", "paper"]
 

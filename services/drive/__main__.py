@@ -1,9 +1,9 @@
-"""`python -m services.drive`: the robot's end as a process."""
+"""`python -m heel.services.drive`: the robot's end as a process."""
 
 from __future__ import annotations
 
-from services.drive.settings import DriveServiceSettings
-from services.runtime.command_line import service_app
+from heel.services.drive.settings import DriveServiceSettings
+from heel.services.runtime.command_line import service_app
 
 if __name__ == "__main__":
     service_app("drive", DriveServiceSettings, "Run the robot's end: commands to wheels.")

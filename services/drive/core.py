@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from schemas import DriveState, MotionCommand
-from services.drive.settings import DriveSettings
-from services.runtime.sequence import SequenceWatch
-from services.runtime.streams import ProducerGate
+from heel.schemas import DriveState, MotionCommand
+from heel.services.drive.settings import DriveSettings
+from heel.services.runtime.sequence import SequenceWatch
+from heel.services.runtime.streams import ProducerGate
 
 _MAX_STEP_S = 0.2
 """A step that comes late must not be a leap in speed."""

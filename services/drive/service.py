@@ -12,18 +12,18 @@ from contextlib import ExitStack
 
 from pydantic import ValidationError
 
-from schemas import DriveState, EndOfStream, EStop, MessageError, MotionCommand, Odometry, keys
-from services.drive.core import Drive
-from services.drive.drivers import OdometryReading, open_driver
-from services.drive.settings import DriveServiceSettings
-from services.drive.wheels import DriverError, Wheels
-from services.runtime import qos
-from services.runtime.inbox import Arrival
-from services.runtime.service import ServiceContext, end_within, run_service
-from services.runtime.settings import Loaded
-from services.runtime.stop_keeper import StopKeeper
-from services.runtime.stop_socket import StopSocket
-from services.runtime.streams import END_HOLD_S, Received
+from heel.schemas import DriveState, EndOfStream, EStop, MessageError, MotionCommand, Odometry, keys
+from heel.services.drive.core import Drive
+from heel.services.drive.drivers import OdometryReading, open_driver
+from heel.services.drive.settings import DriveServiceSettings
+from heel.services.drive.wheels import DriverError, Wheels
+from heel.services.runtime import qos
+from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.service import ServiceContext, end_within, run_service
+from heel.services.runtime.settings import Loaded
+from heel.services.runtime.stop_keeper import StopKeeper
+from heel.services.runtime.stop_socket import StopSocket
+from heel.services.runtime.streams import END_HOLD_S, Received
 
 _EXIT_S = 1.0
 """From a failed driver to the end of the process, whatever else hangs."""

@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from schemas.base import Name
-from services.runtime.settings import ServiceSettings, StrictSettings
+from heel.schemas.base import Name
+from heel.services.runtime.settings import ServiceSettings, StrictSettings
 
 
 class DriveSettings(StrictSettings):

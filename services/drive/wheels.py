@@ -12,8 +12,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from schemas.errors import HeelError
-from services.drive.drivers import Driver, OdometryReading
+from heel.schemas.errors import HeelError
+from heel.services.drive.drivers import Driver, OdometryReading
 
 
 class DriverError(HeelError):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 
-from schemas import CameraInfo
+from heel.schemas import CameraInfo
 
 _KEPT = 8
 _FOV_TOLERANCE_RAD = 1e-3

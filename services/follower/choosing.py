@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from schemas import Track, Tracks
-from schemas.base import BoxXyxy
-from services.follower.people import Person
+from heel.schemas import Track, Tracks
+from heel.schemas.base import BoxXyxy
+from heel.services.follower.people import Person
 
 _TWO_PEOPLE = 0.5
 """Share of the smaller of two boxes that the other covers, from which a click can mean either."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Ranges
-from schemas.robot import MAX_RANGE_M
+from heel.schemas import Ranges
+from heel.schemas.robot import MAX_RANGE_M
 
 BODY_M = 0.2
 """From the front of a person's body to its middle."""

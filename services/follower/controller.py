@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from services.follower.clearance import Room, speed_to_stop_within_mps
-from services.follower.limits import LimitedVelocity
-from services.follower.settings import FollowerSettings
-from services.follower.swing import Swing
+from heel.services.follower.clearance import Room, speed_to_stop_within_mps
+from heel.services.follower.limits import LimitedVelocity
+from heel.services.follower.settings import FollowerSettings
+from heel.services.follower.swing import Swing
 
 _BRAKING_SHARE = 0.7
 """Of the braking limit that is planned with; the rest is for jerk and for what was not foreseen."""

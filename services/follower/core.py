@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from schemas import (
+from heel.schemas import (
     CameraInfo,
     FollowState,
     FrameId,
@@ -18,22 +18,22 @@ from schemas import (
     Track,
     Tracks,
 )
-from schemas.follow import FollowStateName
-from services.follower.camera_info import implausible
-from services.follower.clearance import Sectors
-from services.follower.controller import Goal, VelocityController
-from services.follower.freshness import Freshness
-from services.follower.kept import KeptTarget
-from services.follower.moving_picture import PictureWatch
-from services.follower.own_motion import OwnMotion
-from services.follower.people import People
-from services.follower.search import Search
-from services.follower.sensors import Sensor, Sensors, implausible_odometry, implausible_ranges
-from services.follower.settings import FollowerSettings
-from services.follower.sight import judge_sight
-from services.follower.states import Situation, next_state
-from services.follower.surroundings import Surroundings
-from services.follower.target import TargetChoice
+from heel.schemas.follow import FollowStateName
+from heel.services.follower.camera_info import implausible
+from heel.services.follower.clearance import Sectors
+from heel.services.follower.controller import Goal, VelocityController
+from heel.services.follower.freshness import Freshness
+from heel.services.follower.kept import KeptTarget
+from heel.services.follower.moving_picture import PictureWatch
+from heel.services.follower.own_motion import OwnMotion
+from heel.services.follower.people import People
+from heel.services.follower.search import Search
+from heel.services.follower.sensors import Sensor, Sensors, implausible_odometry, implausible_ranges
+from heel.services.follower.settings import FollowerSettings
+from heel.services.follower.sight import judge_sight
+from heel.services.follower.states import Situation, next_state
+from heel.services.follower.surroundings import Surroundings
+from heel.services.follower.target import TargetChoice
 
 _MAX_STEP_S = 0.2
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 
-from schemas import FrameId, Taken
+from heel.schemas import FrameId, Taken
 
 _KEPT = 1024
 """Frames remembered: 17 s at 60 frames/s, far beyond any age that is driven by."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from schemas import Target
+from heel.schemas import Target
 
 _KEPT_S = 10.0
 """A follower that comes later than this after the last word of the one before asks anew: nobody

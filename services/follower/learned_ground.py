@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.geometry.ground_line import GroundLine
+from heel.services.geometry.ground_line import GroundLine
 
 _FALL_M, _FALL_SIGMA_M, _OFFSET_SIGMA = 0.8, 0.5, 0.2
 """Robots carry cameras at 0.3 to 1.5 m, pitched by up to 20 degrees: chosen by hand."""

@@ -11,9 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import CameraMotion, Track, Tracks
-from schemas.base import BoxXyxy
-from services.follower.own_motion import Pose
+from heel.schemas import CameraMotion, Track, Tracks
+from heel.schemas.base import BoxXyxy
+from heel.services.follower.own_motion import Pose
 
 _BOX_PX, _NOISY_SHARE, _CLEAN_SHARE = 2.0, 0.04, 0.01
 """A box whose edges move by less, of its height, has not moved; noise of a frozen picture moves

@@ -7,7 +7,7 @@ from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass
 
-from schemas import Odometry
+from heel.schemas import Odometry
 
 _HISTORY_S = 2.0
 _LONGEST_STEP_S = 0.5

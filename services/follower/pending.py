@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from schemas import Track, Tracks
-from services.follower.choosing import at_point
+from heel.schemas import Track, Tracks
+from heel.services.follower.choosing import at_point
 
 PENDING_S = 5.0
 """How long somebody is looked for. Chosen by hand: detectors need half a second or two, and after

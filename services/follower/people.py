@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas import CameraInfo, Track, Tracks
-from services.follower.box_scale import BoxScale
-from services.follower.clearance import Sectors
-from services.follower.estimate import PlaceFilter, polar_covariance
-from services.follower.learned_width import LearnedWidth
-from services.follower.own_motion import OwnMotion, Pose
-from services.follower.people_ranges import RangesInTime
-from services.follower.place import Place, PlaceReader
+from heel.schemas import CameraInfo, Track, Tracks
+from heel.services.follower.box_scale import BoxScale
+from heel.services.follower.clearance import Sectors
+from heel.services.follower.estimate import PlaceFilter, polar_covariance
+from heel.services.follower.learned_width import LearnedWidth
+from heel.services.follower.own_motion import OwnMotion, Pose
+from heel.services.follower.people_ranges import RangesInTime
+from heel.services.follower.place import Place, PlaceReader
 
 _LEAST_BOX_PX = 1.0
 _FORGOTTEN_AFTER_S = 0.6

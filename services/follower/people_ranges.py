@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.follower.clearance import BODY_M, Sectors
-from services.follower.estimate import PlaceFilter, polar_covariance
-from services.follower.own_motion import OwnMotion
+from heel.services.follower.clearance import BODY_M, Sectors
+from heel.services.follower.estimate import PlaceFilter, polar_covariance
+from heel.services.follower.own_motion import OwnMotion
 
 _SIGMA_M = 0.06
 _GATE_M = 0.35

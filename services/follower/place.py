@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from schemas import CameraInfo, Track, Tracks
-from services.follower.learned_ground import LearnedGround
-from services.follower.learned_width import LearnedWidth
-from services.geometry.camera import GroundCamera, Pinhole, camera_from_info
-from services.geometry.person import PersonModel, PersonPosition, locate_person, locate_raised
-from services.geometry.person_box import PersonBox
+from heel.schemas import CameraInfo, Track, Tracks
+from heel.services.follower.learned_ground import LearnedGround
+from heel.services.follower.learned_width import LearnedWidth
+from heel.services.geometry.camera import GroundCamera, Pinhole, camera_from_info
+from heel.services.geometry.person import PersonModel, PersonPosition, locate_person, locate_raised
+from heel.services.geometry.person_box import PersonBox
 
 _FARTHEST_M = 100.0
 _VARYING_SHARE = 0.4

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from services.follower.own_motion import Pose
+from heel.services.follower.own_motion import Pose
 
 _REACHED_RAD = 0.08
 

@@ -7,8 +7,8 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas import Odometry, Ranges
-from services.follower.settings import FollowerSettings
+from heel.schemas import Odometry, Ranges
+from heel.services.follower.settings import FollowerSettings
 
 Sensor = Literal["ranges", "odometry", "camera"]
 _HOLD_S: dict[Sensor, float] = {"ranges": 1.0, "odometry": 1.0, "camera": 3.0}

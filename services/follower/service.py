@@ -16,7 +16,7 @@ from typing import TypeVar
 
 import zenoh
 
-from schemas import (
+from heel.schemas import (
     CameraInfo,
     EndOfStream,
     FollowState,
@@ -35,22 +35,22 @@ from schemas import (
     encode,
     keys,
 )
-from services.follower.camera_info import CameraInfos, implausible
-from services.follower.core import Follower
-from services.follower.frame_times import FrameTimes
-from services.follower.kept import TargetFile
-from services.follower.sensors import Sensor
-from services.follower.settings import FollowerServiceSettings
-from services.runtime import places, qos
-from services.runtime.clock import monotonic_clock
-from services.runtime.inbox import Arrival
-from services.runtime.latched import LatchedQuery
-from services.runtime.publishing import Latched
-from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
-from services.runtime.session import QUERY_TIMEOUT_S
-from services.runtime.settings import Loaded
-from services.runtime.stop_keeper import StopKeeper
-from services.runtime.streams import Received, StreamJudge
+from heel.services.follower.camera_info import CameraInfos, implausible
+from heel.services.follower.core import Follower
+from heel.services.follower.frame_times import FrameTimes
+from heel.services.follower.kept import TargetFile
+from heel.services.follower.sensors import Sensor
+from heel.services.follower.settings import FollowerServiceSettings
+from heel.services.runtime import places, qos
+from heel.services.runtime.clock import monotonic_clock
+from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.latched import LatchedQuery
+from heel.services.runtime.publishing import Latched
+from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
+from heel.services.runtime.session import QUERY_TIMEOUT_S
+from heel.services.runtime.settings import Loaded
+from heel.services.runtime.stop_keeper import StopKeeper
+from heel.services.runtime.streams import Received, StreamJudge
 
 _STOP_REPEATS = 5
 """Zero commands sent on the way out, so that one lost message cannot keep a robot rolling."""

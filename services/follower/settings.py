@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from services.runtime.settings import ServiceSettings, StrictSettings
+from heel.services.runtime.settings import ServiceSettings, StrictSettings
 
 
 class FollowerSettings(StrictSettings):

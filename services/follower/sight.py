@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from schemas import Track
-from services.follower.settings import FollowerSettings
+from heel.schemas import Track
+from heel.services.follower.settings import FollowerSettings
 
 Sight = Literal["clear", "doubtful", "hidden", "missed"]
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from schemas.follow import FollowStateName
-from services.follower.settings import FollowerSettings
-from services.follower.sight import Sight
+from heel.schemas.follow import FollowStateName
+from heel.services.follower.settings import FollowerSettings
+from heel.services.follower.sight import Sight
 
 Step = tuple[FollowStateName, str]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from services.follower.clearance import BODY_M, Body, Room, Sectors, room_before_person_m
-from services.follower.own_motion import Pose
-from services.follower.people import People
-from services.follower.settings import FollowerSettings
+from heel.services.follower.clearance import BODY_M, Body, Room, Sectors, room_before_person_m
+from heel.services.follower.own_motion import Pose
+from heel.services.follower.people import People
+from heel.services.follower.settings import FollowerSettings
 
 _TARGET_MARGIN_M = 0.25
 """Beyond personal space: the target is driven at all the time and stops without warning."""

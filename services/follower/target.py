@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from schemas import HeelError, Target, TargetRequest, Track, Tracks
-from services.follower.choosing import Imprinting, at_point, companion, nearest
-from services.follower.kept import KeptTarget, Scene
-from services.follower.pending import PendingPoint
-from services.follower.people import Person
-from services.follower.settings import FollowerSettings
+from heel.schemas import HeelError, Target, TargetRequest, Track, Tracks
+from heel.services.follower.choosing import Imprinting, at_point, companion, nearest
+from heel.services.follower.kept import KeptTarget, Scene
+from heel.services.follower.pending import PendingPoint
+from heel.services.follower.people import Person
+from heel.services.follower.settings import FollowerSettings
 
 _CHOICE_AGE_S = 0.5
 """Who was seen no longer ago can still be chosen: a busy machine is late now and then, and nothing

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from schemas import HeelError
-from services.geometry.camera import GroundCamera, focal_length_px
+from heel.schemas import HeelError
+from heel.services.geometry.camera import GroundCamera, focal_length_px
 
 FloatArray = NDArray[np.float64]
 _LEAST_BOXES = 30

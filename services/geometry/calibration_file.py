@@ -8,9 +8,9 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from schemas import SettingsError
-from services.geometry.calibrate import MountEstimate
-from services.geometry.town_centre import mounting_of
+from heel.schemas import SettingsError
+from heel.services.geometry.calibrate import MountEstimate
+from heel.services.geometry.town_centre import mounting_of
 
 
 class _Strict(BaseModel):

@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schemas import CameraInfo
+from heel.schemas import CameraInfo
 
 FloatArray = NDArray[np.float64]
 _LEAST_DEPTH_M = 1e-6

@@ -23,9 +23,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from services.geometry.camera import GroundCamera, Pinhole
-from services.geometry.ground_line import GroundLine
-from services.geometry.person_box import PersonBox, PersonModel
+from heel.services.geometry.camera import GroundCamera, Pinhole
+from heel.services.geometry.ground_line import GroundLine
+from heel.services.geometry.person_box import PersonBox, PersonModel
 
 __all__ = ["Evidence", "PersonModel", "PersonPosition", "locate_person", "locate_raised"]
 

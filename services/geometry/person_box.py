@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from services.geometry.camera import GroundCamera, Pinhole
+from heel.services.geometry.camera import GroundCamera, Pinhole
 
 _FARTHEST_M = 1000.0
 _TALL_SIGMAS = 3.0

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from services.pipeline import RecordedFrames, load_pipeline
-from services.run.options import RunOptions
+from heel.services.pipeline import RecordedFrames, load_pipeline
+from heel.services.run.options import RunOptions
 
 _LIVE = ("/dev/", "pan:")
 """A camera is opened once; the window of a recording writes a file when it is."""

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from schemas import HeelError, SettingsError
-from services.runtime.process import PARENT_VARIABLE
+from heel.schemas import HeelError, SettingsError
+from heel.services.runtime.process import PARENT_VARIABLE
 
 _TERM_S = 2.5
 _KILL_S = 2.0
@@ -59,12 +59,13 @@ class Children:
         self.end()
 
     def start(self, service: str, *flags: str) -> Child:
-        """Start `python -m services.SERVICE FLAGS`, logging into its own file."""
-        environment = {**os.environ, PARENT_VARIABLE: str(os.getpid()), "PYTHONPATH": _same_code()}
+        """Start `python -m heel.services.SERVICE FLAGS`, logging into its own file."""
+        environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
         with self._log(service).open("wb") as stream:
-            # -P: a `services` in the folder that the user happens to be in is somebody else's.
+            # -P: a `heel.py` in the folder that the user happens to be in is somebody else's.
+            module = f"heel.services.{service}"
             process = subprocess.Popen(
-                [sys.executable, "-P", "-m", f"services.{service}", "--log-format", "json", *flags],
+                [sys.executable, "-P", "-m", module, "--log-format", "json", *flags],
                 stdin=subprocess.DEVNULL, stdout=stream, stderr=stream, env=environment,
                 start_new_session=True,
             )  # fmt: skip
@@ -129,12 +130,6 @@ class Children:
                 if child.process.poll() is None:
                     child.process.kill()
             self.wait_all(_KILL_S)
-
-
-def _same_code() -> str:
-    """A search path on which children find the package that this process runs."""
-    root = str(Path(__file__).resolve().parents[2])
-    return os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
 
 
 def last_complaint(log: Path) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import zenoh
 from numpy.typing import NDArray
 
-from schemas import (
+from heel.schemas import (
     Blobs,
     CameraInfo,
     EndOfStream,
@@ -23,19 +23,19 @@ from schemas import (
     encode,
     keys,
 )
-from schemas.image import decode_image
-from services.run.join import FrameJoin
-from services.run.options import RunOptions
-from services.run.outputs import RunOutputs
-from services.run.silence import HUNG_S, Silences
-from services.run.summary import RunSummary
-from services.runtime import qos
-from services.runtime.chain import page_of
-from services.runtime.counters import ServiceStatistics
-from services.runtime.inbox import Arrival, Inbox
-from services.runtime.logs import OncePerSecond
-from services.runtime.registry import Registration
-from services.runtime.streams import Received, StreamJudge
+from heel.schemas.image import decode_image
+from heel.services.run.join import FrameJoin
+from heel.services.run.options import RunOptions
+from heel.services.run.outputs import RunOutputs
+from heel.services.run.silence import HUNG_S, Silences
+from heel.services.run.summary import RunSummary
+from heel.services.runtime import qos
+from heel.services.runtime.chain import page_of
+from heel.services.runtime.counters import ServiceStatistics
+from heel.services.runtime.inbox import Arrival, Inbox
+from heel.services.runtime.logs import OncePerSecond
+from heel.services.runtime.registry import Registration
+from heel.services.runtime.streams import Received, StreamJudge
 
 CONSUMER = "run"
 CAMERA = "front"

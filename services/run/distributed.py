@@ -10,21 +10,21 @@ from contextlib import ExitStack
 
 import zenoh
 
-from schemas import HeelError, keys
-from services.pipeline import REPEATABLE_EPOCH
-from services.run.children import Child, Children
-from services.run.collector import CONSUMER, Collector
-from services.run.options import RunOptions
-from services.run.outputs import RunOutputs
-from services.run.presence import await_present
-from services.run.progress import RunProgress
-from services.run.silence import HUNG_S, Silences
-from services.run.summary import RunSummary
-from services.runtime import process
-from services.runtime.inbox import Inbox
-from services.runtime.logs import OncePerSecond
-from services.runtime.registry import registered
-from services.runtime.router import open_private_router
+from heel.schemas import HeelError, keys
+from heel.services.pipeline import REPEATABLE_EPOCH
+from heel.services.run.children import Child, Children
+from heel.services.run.collector import CONSUMER, Collector
+from heel.services.run.options import RunOptions
+from heel.services.run.outputs import RunOutputs
+from heel.services.run.presence import await_present
+from heel.services.run.progress import RunProgress
+from heel.services.run.silence import HUNG_S, Silences
+from heel.services.run.summary import RunSummary
+from heel.services.runtime import process
+from heel.services.runtime.inbox import Inbox
+from heel.services.runtime.logs import OncePerSecond
+from heel.services.runtime.registry import registered
+from heel.services.runtime.router import open_private_router
 
 _STALL_TIMEOUT_S = 60.0
 _DRAIN_S = 8.0

@@ -9,7 +9,7 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from schemas import HeelError
+from heel.schemas import HeelError
 
 STAGING_PREFIX = ".heel-run-"
 DEMO_PREFIX = "heel-demo-"

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evaluation.alignment import best_pairs, iou_matrix
-from schemas import FollowState, SimPerson, SimTruth, Tracks
+from heel.evaluation.alignment import best_pairs, iou_matrix
+from heel.schemas import FollowState, SimPerson, SimTruth, Tracks
 
 _KEPT_FRAMES = 128
 _LEAST_IOU = 0.3

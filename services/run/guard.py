@@ -12,9 +12,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from schemas.errors import HeelError, SettingsError
-from services.runtime.logs import printable
-from services.runtime.shared_memory import SHARED_MEMORY, Sweeper
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.logs import printable
+from heel.services.runtime.shared_memory import SHARED_MEMORY, Sweeper
 
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 _REAP_S = 5.0

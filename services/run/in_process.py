@@ -9,13 +9,13 @@ from contextlib import ExitStack
 
 import cv2
 
-from schemas import HeelError
-from services.pipeline import RecordedFrames, load_pipeline
-from services.run.options import RunOptions
-from services.run.outputs import RunOutputs
-from services.run.progress import RunProgress
-from services.run.summary import RunSummary
-from services.runtime import process
+from heel.schemas import HeelError
+from heel.services.pipeline import RecordedFrames, load_pipeline
+from heel.services.run.options import RunOptions
+from heel.services.run.outputs import RunOutputs
+from heel.services.run.progress import RunProgress
+from heel.services.run.summary import RunSummary
+from heel.services.runtime import process
 
 
 def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:

@@ -7,7 +7,7 @@ import math
 import zenoh
 from zenoh.handlers import FifoChannel, Handler
 
-from schemas import SimTruth, Target, TargetRequest, decode, encode, keys
+from heel.schemas import SimTruth, Target, TargetRequest, decode, encode, keys
 
 _FIRST_CLICK_S, _AGAIN_S = 1.0, 0.5
 _LEAST_VISIBLE = 0.5

@@ -6,11 +6,11 @@ import csv
 import io
 from pathlib import Path
 
-from schemas import HeelError, MotionCommand, Tracks
-from services.run.annotate import AnnotatedVideo
-from services.run.folder import ResultFolder
-from services.run.summary import RunSummary
-from services.runtime.row_file import RowFile
+from heel.schemas import HeelError, MotionCommand, Tracks
+from heel.services.run.annotate import AnnotatedVideo
+from heel.services.run.folder import ResultFolder
+from heel.services.run.summary import RunSummary
+from heel.services.runtime.row_file import RowFile
 
 _COMMAND_COLUMNS = ("seq", "frame", "linear_mps", "angular_radps", "state", "reason")
 _TRACKS, _COMMANDS, _SUMMARY, _FILM = "tracks.txt", "commands.csv", "summary.json", "annotated.mp4"

@@ -7,8 +7,8 @@ import time
 
 import zenoh
 
-from schemas import HeelError, keys
-from services.run.children import Children
+from heel.schemas import HeelError, keys
+from heel.services.run.children import Children
 
 _START_TIMEOUT_S = 60.0
 _POLL_S = 0.1

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rich.console import Console
 
-from services.run.summary import RunSummary, percentiles
-from services.runtime.logs import printable
+from heel.services.run.summary import RunSummary, percentiles
+from heel.services.runtime.logs import printable
 
 
 def print_summary(summary: RunSummary, where: str) -> None:

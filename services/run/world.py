@@ -16,7 +16,7 @@ from typing import Literal
 
 import zenoh
 
-from schemas import (
+from heel.schemas import (
     EndOfStream,
     FollowState,
     Health,
@@ -28,17 +28,17 @@ from schemas import (
     decode,
     keys,
 )
-from services.run.children import Children
-from services.run.following import FollowingFigures, FollowingTally
-from services.run.onlooker import Onlooker
-from services.run.presence import await_present
-from services.run.silence import HUNG_S, Silences
-from services.runtime import qos
-from services.runtime.chain import page_of
-from services.runtime.inbox import Arrival, Inbox
-from services.runtime.logs import OncePerSecond
-from services.runtime.registry import Registration, registered
-from services.runtime.router import open_private_router
+from heel.services.run.children import Children
+from heel.services.run.following import FollowingFigures, FollowingTally
+from heel.services.run.onlooker import Onlooker
+from heel.services.run.presence import await_present
+from heel.services.run.silence import HUNG_S, Silences
+from heel.services.runtime import qos
+from heel.services.runtime.chain import page_of
+from heel.services.runtime.inbox import Arrival, Inbox
+from heel.services.runtime.logs import OncePerSecond
+from heel.services.runtime.registry import Registration, registered
+from heel.services.runtime.router import open_private_router
 
 CAMERA = "front"
 _POLL_S = 0.1

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from schemas import Health
+from heel.schemas import Health
 
 CHAIN = ("capture", "detector", "tracker", "follower", "drive")
 """From the picture to the wheels: each works on what the one before it sends."""

@@ -15,10 +15,10 @@ import typer
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from schemas.errors import HeelError, SettingsError
-from services.runtime.logs import printable
-from services.runtime.process import leave
-from services.runtime.settings import (
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.logs import printable
+from heel.services.runtime.process import leave
+from heel.services.runtime.settings import (
     ENVIRONMENT_PREFIX,
     Loaded,
     LogSettings,
@@ -146,9 +146,11 @@ def later(module: str) -> Callable[[Loaded[Any]], int]:
 
 
 def service_app(service: str, model: type[S], summary: str) -> None:
-    """Run one service as `python -m services.SERVICE` and end the process."""
+    """Run one service as `python -m heel.services.SERVICE` and end the process."""
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    app.command()(settings_command(service, model, later(f"services.{service}.service"), summary))
+    app.command()(
+        settings_command(service, model, later(f"heel.services.{service}.service"), summary)
+    )
     run_process(app)
 
 

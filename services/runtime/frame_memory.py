@@ -7,7 +7,7 @@ import logging
 import zenoh
 from zenoh.shm import GarbageCollect, JustAlloc, ShmProvider, ZShmMut
 
-from services.runtime.shared_memory import OWN
+from heel.services.runtime.shared_memory import OWN
 
 _BOOKKEEPING_BYTES = 4096
 """What Zenoh needs of a pool for itself; without it the last buffer is missing (measured)."""

@@ -8,14 +8,14 @@ import time
 
 import zenoh
 
-from schemas import Health, encode, keys
-from schemas.base import Name
-from services.runtime import process, qos
-from services.runtime.chain import CHAIN, MISSING
-from services.runtime.counters import ServiceStatistics
-from services.runtime.health_file import HealthFile
-from services.runtime.presence import Presence
-from services.runtime.shared_memory import SharedMemoryWatch
+from heel.schemas import Health, encode, keys
+from heel.schemas.base import Name
+from heel.services.runtime import process, qos
+from heel.services.runtime.chain import CHAIN, MISSING
+from heel.services.runtime.counters import ServiceStatistics
+from heel.services.runtime.health_file import HealthFile
+from heel.services.runtime.presence import Presence
+from heel.services.runtime.shared_memory import SharedMemoryWatch
 
 PERIOD_S = 0.25
 """So that silence is seen within a second; a message costs its sender half a millisecond."""

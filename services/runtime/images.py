@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Header
-from schemas.image import JPEG, RAW, encode_image
+from heel.schemas import Header
+from heel.schemas.image import JPEG, RAW, encode_image
 
 
 @dataclass(frozen=True)

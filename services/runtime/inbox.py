@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import zenoh
 from zenoh.handlers import Handler, RingChannel
 
-from services.runtime.qos import TopicQos
+from heel.services.runtime.qos import TopicQos
 
 _Subscriber = zenoh.Subscriber[Handler[zenoh.Sample]]
 

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 import zenoh
 from zenoh.handlers import FifoChannel, Handler
 
-from schemas import Message, MessageError, decode
+from heel.schemas import Message, MessageError, decode
 
 _PERIOD_S = 2.0
 _MOST_ANSWERS = 16

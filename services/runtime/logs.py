@@ -13,7 +13,7 @@ import sys
 import time
 from typing import IO
 
-from services.runtime.settings import LogSettings
+from heel.services.runtime.settings import LogSettings
 
 _STANDARD = frozenset(vars(logging.LogRecord("", 0, "", 0, "", None, None))) | {"message"}
 LONGEST_TEXT = 1000

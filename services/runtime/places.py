@@ -10,9 +10,9 @@ import stat
 from contextlib import suppress
 from pathlib import Path
 
-from schemas.errors import SettingsError
-from services.runtime.process import PARENT_VARIABLE
-from services.runtime.settings import ZenohSettings
+from heel.schemas.errors import SettingsError
+from heel.services.runtime.process import PARENT_VARIABLE
+from heel.services.runtime.settings import ZenohSettings
 
 VARIABLE = "HEEL_RUNTIME_DIR"
 """Names another run folder: a container's volume, or one for every test."""

@@ -7,8 +7,8 @@ import time
 
 import zenoh
 
-from schemas import keys
-from services.runtime.chain import CHAIN
+from heel.schemas import keys
+from heel.services.runtime.chain import CHAIN
 
 _GONE_AFTER_S = 0.4
 """A token that comes back sooner was a connection made anew."""

@@ -1,4 +1,4 @@
-"""`python -m services.runtime.probe ENDPOINT`: whether a router lets clients in, by exit code.
+"""`python -m heel.services.runtime.probe ENDPOINT`: whether a router lets clients in, by exit code.
 
 For health checks: a whole handshake, because a router that hangs still has its port open. Imports
 nothing but Zenoh, which makes it 25 ms of processor time instead of 600 ms.

@@ -15,7 +15,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import NoReturn
 
-from services.runtime.shared_memory import remove_own_segments
+from heel.services.runtime.shared_memory import remove_own_segments
 
 _PR_SET_PDEATHSIG = 1
 PARENT_VARIABLE = "HEEL_PARENT_PID"

@@ -11,9 +11,9 @@ from typing import TypeVar
 import zenoh
 from zenoh.shm import ZShmMut
 
-from schemas import EndOfStream, Message, MessageError, Stamp, decode, encode
-from schemas.base import MAX_AGE_NS
-from services.runtime.qos import Delivery, TopicQos
+from heel.schemas import EndOfStream, Message, MessageError, Stamp, decode, encode
+from heel.schemas.base import MAX_AGE_NS
+from heel.services.runtime.qos import Delivery, TopicQos
 
 _ASK_TIMEOUT_S = 1.0
 """Below the deadline for ending: a service that is told to end while it asks ends in time."""

@@ -21,7 +21,7 @@ from typing import Literal
 
 import zenoh
 
-from schemas import (
+from heel.schemas import (
     Blobs,
     CameraInfo,
     DriveState,
@@ -39,7 +39,7 @@ from schemas import (
     Target,
     Tracks,
 )
-from schemas.image import MAX_IMAGE_BYTES
+from heel.schemas.image import MAX_IMAGE_BYTES
 
 Delivery = Literal["live", "lossless"]
 LOSSLESS_WINDOW_FRAMES = 4

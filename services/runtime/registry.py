@@ -16,8 +16,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from schemas.errors import HeelError
-from services.runtime.places import run_folder
+from heel.schemas.errors import HeelError
+from heel.services.runtime.places import run_folder
 
 _FOLDER = "runs"
 _MAX_RUNS = 64

@@ -16,17 +16,17 @@ from pathlib import Path
 import zenoh
 from pydantic import Field
 
-from schemas.errors import HeelError, SettingsError
-from services.runtime.logs import set_up_logging
-from services.runtime.process import (
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.logs import set_up_logging
+from heel.services.runtime.process import (
     die_with_parent,
     may_lock_memory,
     use_all_file_descriptors,
 )
-from services.runtime.qos import ROUTER_QUEUES, ROUTER_RULES, ROUTER_WAIT_BEFORE_CLOSE_US
-from services.runtime.router_log import ZENOH_FILTER, RouterLog, reading_output, standard_error
-from services.runtime.service import stop_signals
-from services.runtime.session import (
+from heel.services.runtime.qos import ROUTER_QUEUES, ROUTER_RULES, ROUTER_WAIT_BEFORE_CLOSE_US
+from heel.services.runtime.router_log import ZENOH_FILTER, RouterLog, reading_output, standard_error
+from heel.services.runtime.service import stop_signals
+from heel.services.runtime.session import (
     LEASE_MS,
     MAX_MESSAGE_BYTES,
     POOL_BYTES,
@@ -36,8 +36,8 @@ from services.runtime.session import (
     start_zenoh_log,
     why_no_shared_memory,
 )
-from services.runtime.settings import Endpoints, Loaded, StrictSettings
-from services.runtime.shared_memory import OWN, Sweeper
+from heel.services.runtime.settings import Endpoints, Loaded, StrictSettings
+from heel.services.runtime.shared_memory import OWN, Sweeper
 
 _LOOPBACK_NAMES = {"localhost", "ip6-localhost"}
 _PORT_ATTEMPTS = 5

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import IO
 
-from services.runtime.logs import OncePerSecond, printable
+from heel.services.runtime.logs import OncePerSecond, printable
 
 ZENOH_FILTER = (
     "error,zenoh_transport::unicast::establishment::accept=debug,zenoh_link_tcp::unicast=debug"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import configparser
 from pathlib import Path
 
-from schemas.errors import SourceError
+from heel.schemas.errors import SourceError
 
 SEQUENCE_FILE = "seqinfo.ini"
 

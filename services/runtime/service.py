@@ -22,29 +22,29 @@ from typing import Generic, TypeVar
 
 import zenoh
 
-from schemas import EndOfStream, keys
-from schemas.errors import HeelError, SettingsError
-from services.runtime import process
-from services.runtime.chain import CAMERA
-from services.runtime.counters import ServiceStatistics
-from services.runtime.health import HealthReporter
-from services.runtime.health_file import HealthFile
-from services.runtime.inbox import Arrival, Inbox
-from services.runtime.logs import OncePerSecond, set_up_logging
-from services.runtime.places import robot_name
-from services.runtime.presence import Presence
-from services.runtime.publishing import StreamPublisher
-from services.runtime.qos import TopicQos
-from services.runtime.session import (
+from heel.schemas import EndOfStream, keys
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime import process
+from heel.services.runtime.chain import CAMERA
+from heel.services.runtime.counters import ServiceStatistics
+from heel.services.runtime.health import HealthReporter
+from heel.services.runtime.health_file import HealthFile
+from heel.services.runtime.inbox import Arrival, Inbox
+from heel.services.runtime.logs import OncePerSecond, set_up_logging
+from heel.services.runtime.places import robot_name
+from heel.services.runtime.presence import Presence
+from heel.services.runtime.publishing import StreamPublisher
+from heel.services.runtime.qos import TopicQos
+from heel.services.runtime.session import (
     POOL_BYTES,
     open_session,
     start_zenoh_log,
     with_usable_shared_memory,
 )
-from services.runtime.settings import Loaded, ServiceSettings
-from services.runtime.shared_memory import SharedMemoryWatch
-from services.runtime.streams import StreamJudge
-from services.runtime.twins import TwinWatch
+from heel.services.runtime.settings import Loaded, ServiceSettings
+from heel.services.runtime.shared_memory import SharedMemoryWatch
+from heel.services.runtime.streams import StreamJudge
+from heel.services.runtime.twins import TwinWatch
 
 EXIT_DEADLINE_S = 1.7
 """Longest time from a signal to the end of the process, however stuck it is."""

@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterable
 import zenoh
 from zenoh.shm import JustAlloc, ShmProvider
 
-from schemas.errors import HeelError, SettingsError
-from services.runtime.process import may_lock_memory
-from services.runtime.settings import ZenohSettings
-from services.runtime.shared_memory import OWN, SHARED_MEMORY, full_share
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.process import may_lock_memory
+from heel.services.runtime.settings import ZenohSettings
+from heel.services.runtime.shared_memory import OWN, SHARED_MEMORY, full_share
 
 QUERY_TIMEOUT_S = 2.0
 _RETRY_PERIOD_S = 0.2

@@ -39,9 +39,9 @@ from pydantic_settings import (
 )
 from pydantic_settings import PydanticBaseSettingsSource as Source
 
-from schemas.base import Name
-from schemas.errors import SettingsError
-from services.runtime.passwords import without_passwords
+from heel.schemas.base import Name
+from heel.schemas.errors import SettingsError
+from heel.services.runtime.passwords import without_passwords
 
 SERVICES = ("capture", "detector", "tracker", "follower", "drive", "web", "recorder", "simulator",
             "router", "run")  # fmt: skip

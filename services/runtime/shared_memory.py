@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # numpy, which that imports, starts threads: not before `run.guard` has forked
-    from services.runtime.counters import ServiceStatistics
+    from heel.services.runtime.counters import ServiceStatistics
 
 SHARED_MEMORY = Path("/dev/shm")
 GRACE_S = 2.0

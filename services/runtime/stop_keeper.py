@@ -9,14 +9,14 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TypeVar
 
-from schemas import EStop, HeelError, MessageError, SettingsError, decode, encode, keys
-from services.runtime import places, qos
-from services.runtime.inbox import Arrival
-from services.runtime.latched import LatchedAnswers
-from services.runtime.publishing import Latched, latched_values
-from services.runtime.service import ServiceContext
-from services.runtime.settings import ServiceSettings
-from services.runtime.stop_latch import StopLatch
+from heel.schemas import EStop, HeelError, MessageError, SettingsError, decode, encode, keys
+from heel.services.runtime import places, qos
+from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.latched import LatchedAnswers
+from heel.services.runtime.publishing import Latched, latched_values
+from heel.services.runtime.service import ServiceContext
+from heel.services.runtime.settings import ServiceSettings
+from heel.services.runtime.stop_latch import StopLatch
 
 _ASK_PERIOD_S = 1.0
 S = TypeVar("S", bound=ServiceSettings)

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Iterable
 
-from schemas import EStop
+from heel.schemas import EStop
 
 _REMEMBERED = 64
 """Engagements that are known to be over; chosen by hand, nobody stops so often within a minute."""

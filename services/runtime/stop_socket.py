@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from schemas import DriveState, EStop, HeelError, MessageError, decode, encode
-from services.runtime.places import run_folder
+from heel.schemas import DriveState, EStop, HeelError, MessageError, decode, encode
+from heel.services.runtime.places import run_folder
 
 _CLIENT_S = 0.5
 """A client that sends or takes nothing for so long is given up: others wait behind it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-from schemas import (
+from heel.schemas import (
     DriveState,
     EndOfStream,
     Header,
@@ -18,12 +18,12 @@ from schemas import (
     Taken,
     decode,
 )
-from schemas.frame import FrameId
-from services.runtime.counters import ServiceStatistics
-from services.runtime.inbox import Arrival
-from services.runtime.logs import OncePerSecond
-from services.runtime.qos import TopicQos
-from services.runtime.sequence import Name, SequenceWatch
+from heel.schemas.frame import FrameId
+from heel.services.runtime.counters import ServiceStatistics
+from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.logs import OncePerSecond
+from heel.services.runtime.qos import TopicQos
+from heel.services.runtime.sequence import Name, SequenceWatch
 
 SHARED_MEMORY_MIN_BYTES = 3072
 """Zenoh's default threshold: smaller messages go through the socket."""

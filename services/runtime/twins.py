@@ -8,8 +8,8 @@ from contextlib import ExitStack
 
 import zenoh
 
-from schemas import MessageError, Stamp, decode
-from services.runtime.counters import ServiceStatistics
+from heel.schemas import MessageError, Stamp, decode
+from heel.services.runtime.counters import ServiceStatistics
 
 _LOOK_S = 0.2
 """However many messages another one sends, one in so long is looked at."""

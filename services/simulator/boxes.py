@@ -11,15 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blob, Blobs, FrameId, Patch
-from services.simulator.ego_motion import EgoMotion
-from services.simulator.errors import SimulatorError
-from services.simulator.exposure import Exposure
-from services.simulator.false_alarms import FalseAlarms
-from services.simulator.patches import PATCH_HEIGHT, PATCH_WIDTH, Light, Patches
-from services.simulator.solids import Solids
-from services.simulator.state import CameraMount, Scenery, WorldView
-from services.simulator.views import COLUMNS, ROWS, Sight, lens, look
+from heel.schemas import Blob, Blobs, FrameId, Patch
+from heel.services.simulator.ego_motion import EgoMotion
+from heel.services.simulator.errors import SimulatorError
+from heel.services.simulator.exposure import Exposure
+from heel.services.simulator.false_alarms import FalseAlarms
+from heel.services.simulator.patches import PATCH_HEIGHT, PATCH_WIDTH, Light, Patches
+from heel.services.simulator.solids import Solids
+from heel.services.simulator.state import CameraMount, Scenery, WorldView
+from heel.services.simulator.views import COLUMNS, ROWS, Sight, lens, look
 
 Array = NDArray[np.float64]
 

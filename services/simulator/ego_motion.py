@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from schemas import CameraMotion
-from services.simulator.state import CameraMount, RobotState
-from services.simulator.views import lens, to_robot
+from heel.schemas import CameraMotion
+from heel.services.simulator.state import CameraMount, RobotState
+from heel.services.simulator.views import lens, to_robot
 
 _BACKGROUND_M = 5.0
 """Typical distance of what features are found on; what is nearer moves more than they say."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schemas import HeelError
+from heel.schemas import HeelError
 
 
 class SimulatorError(HeelError):

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.geometry.camera import GroundCamera
-from services.simulator.state import Colour, Obstacle, RobotState
-from services.simulator.views import to_robot
+from heel.services.geometry.camera import GroundCamera
+from heel.services.simulator.state import Colour, Obstacle, RobotState
+from heel.services.simulator.views import to_robot
 
 Array = NDArray[np.float64]
 _NEAR_M, _FAR_M = 1.5, 9.0

@@ -6,7 +6,7 @@ import colorsys
 
 import numpy as np
 
-from services.simulator.state import Colour, Outfit
+from heel.services.simulator.state import Colour, Outfit
 
 _HAIR: tuple[Colour, ...] = ((30, 26, 28), (84, 52, 34), (196, 156, 92), (150, 150, 148))
 _SKIN: tuple[Colour, ...] = ((224, 180, 150), (186, 134, 96), (132, 88, 62))

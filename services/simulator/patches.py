@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.state import Colour, Floor, PersonState, RobotState, Scenery
-from services.simulator.views import COLUMNS, ROWS, Sight
+from heel.services.simulator.state import Colour, Floor, PersonState, RobotState, Scenery
+from heel.services.simulator.views import COLUMNS, ROWS, Sight
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

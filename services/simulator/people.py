@@ -13,11 +13,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.postures import CHANGE_PER_S, FALL_PER_S, SHAPES
-from services.simulator.script import Actor
-from services.simulator.solids import Solids
-from services.simulator.state import RobotState
-from services.simulator.walks import Situation, Walker
+from heel.services.simulator.postures import CHANGE_PER_S, FALL_PER_S, SHAPES
+from heel.services.simulator.script import Actor
+from heel.services.simulator.solids import Solids
+from heel.services.simulator.state import RobotState
+from heel.services.simulator.walks import Situation, Walker
 
 Array = NDArray[np.float64]
 

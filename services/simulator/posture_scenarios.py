@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from services.simulator.postures import Posture
-from services.simulator.script import Scenario
-from services.simulator.stage import Place, Stage
-from services.simulator.walks import Leg, Walk
+from heel.services.simulator.postures import Posture
+from heel.services.simulator.script import Scenario
+from heel.services.simulator.stage import Place, Stage
+from heel.services.simulator.walks import Leg, Walk
 
 _TABLE = (0.7, 1.6, 0.75)
 _BEHIND_M = 0.97

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.simulator.state import RobotState
+from heel.services.simulator.state import RobotState
 
 
 @dataclass(frozen=True, slots=True)

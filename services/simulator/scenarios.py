@@ -8,13 +8,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from services.simulator.errors import SimulatorError
-from services.simulator.posture_scenarios import POSTURES
-from services.simulator.script import Scenario
-from services.simulator.stage import WALL_HEIGHT_M, WALL_M, Place, Stage
-from services.simulator.state import Role
-from services.simulator.walks import Crossing, Leg, Walk
-from services.simulator.world import World
+from heel.services.simulator.errors import SimulatorError
+from heel.services.simulator.posture_scenarios import POSTURES
+from heel.services.simulator.script import Scenario
+from heel.services.simulator.stage import WALL_HEIGHT_M, WALL_M, Place, Stage
+from heel.services.simulator.state import Role
+from heel.services.simulator.walks import Crossing, Leg, Walk
+from heel.services.simulator.world import World
 
 
 def scenario(name: str, seed: int) -> World:

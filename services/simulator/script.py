@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.simulator.state import Outfit, RobotState, Role, Scenery
-from services.simulator.walks import Walk
+from heel.services.simulator.state import Outfit, RobotState, Role, Scenery
+from heel.services.simulator.walks import Walk
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Odometry, Ranges, RangeSector
-from services.simulator.robot import drive_arc, wrap
-from services.simulator.solids import Solids, cast_at_discs
-from services.simulator.state import RobotState
+from heel.schemas import Odometry, Ranges, RangeSector
+from heel.services.simulator.robot import drive_arc, wrap
+from heel.services.simulator.solids import Solids, cast_at_discs
+from heel.services.simulator.state import RobotState
 
 Array = NDArray[np.float64]
 

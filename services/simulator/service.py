@@ -10,24 +10,24 @@ from typing import TYPE_CHECKING
 
 import cv2
 
-from schemas import CameraInfo, DriveState, EndOfStream, FrameId, Taken, encode, keys
-from services.runtime import qos
-from services.runtime.clock import monotonic_clock
-from services.runtime.images import ImageCoding, StreamIdentity, pack_image
-from services.runtime.pacing import Pacer
-from services.runtime.publishing import Latched
-from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
-from services.runtime.settings import Loaded
-from services.simulator.boxes import SimulatedDetector
-from services.simulator.scenarios import scenario
-from services.simulator.settings import SimulatorSettings
-from services.simulator.state import CameraMount
-from services.simulator.truth_file import TruthFile, open_truth
-from services.simulator.wheels import TIMEOUT_S, Wheels
-from services.simulator.world import World
+from heel.schemas import CameraInfo, DriveState, EndOfStream, FrameId, Taken, encode, keys
+from heel.services.runtime import qos
+from heel.services.runtime.clock import monotonic_clock
+from heel.services.runtime.images import ImageCoding, StreamIdentity, pack_image
+from heel.services.runtime.pacing import Pacer
+from heel.services.runtime.publishing import Latched
+from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
+from heel.services.runtime.settings import Loaded
+from heel.services.simulator.boxes import SimulatedDetector
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.settings import SimulatorSettings
+from heel.services.simulator.state import CameraMount
+from heel.services.simulator.truth_file import TruthFile, open_truth
+from heel.services.simulator.wheels import TIMEOUT_S, Wheels
+from heel.services.simulator.world import World
 
 if TYPE_CHECKING:
-    from services.simulator.render.renderer import Renderer
+    from heel.services.simulator.render.renderer import Renderer
 
 _LEAST_STEPS_HZ = 50.0
 _BEHIND_S = 0.25
@@ -90,7 +90,7 @@ class SimulatorService:
         if not self._settings.pictures:
             return None
         # Here and not above: without pictures the simulator needs no extra.
-        from services.simulator.render.renderer import Renderer
+        from heel.services.simulator.render.renderer import Renderer
 
         return stack.enter_context(Renderer(world.scenery, self._mount, seed=seed))
 

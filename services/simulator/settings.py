@@ -8,8 +8,8 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from services.runtime.settings import ServiceSettings
-from services.simulator.state import CameraMount
+from heel.services.runtime.settings import ServiceSettings
+from heel.services.simulator.state import CameraMount
 
 Perception = Literal["pixels", "simulated-boxes"]
 _MOUNT = CameraMount()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.state import Obstacle
+from heel.services.simulator.state import Obstacle
 
 Array = NDArray[np.float64]
 _TINY = 1e-12

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.outfits import dress, twin_of
-from services.simulator.robot import wrap
-from services.simulator.script import Actor, Scenario
-from services.simulator.state import (
+from heel.services.simulator.outfits import dress, twin_of
+from heel.services.simulator.robot import wrap
+from heel.services.simulator.script import Actor, Scenario
+from heel.services.simulator.state import (
     Colour,
     Floor,
     Obstacle,
@@ -24,7 +24,7 @@ from services.simulator.state import (
     Role,
     Scenery,
 )
-from services.simulator.walks import Crossing, Leg, Walk
+from heel.services.simulator.walks import Crossing, Leg, Walk
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from services.simulator.postures import UPRIGHT
+from heel.services.simulator.postures import UPRIGHT
 
 Colour = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from schemas import HeelError, SimTruth, SimWorld
-from services.runtime.row_file import RowFile
+from heel.schemas import HeelError, SimTruth, SimWorld
+from heel.services.runtime.row_file import RowFile
 
 MOST_BYTES = 1 << 30
 """Twelve hours of 25 frames a second; an endless demo does not fill a disk."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.geometry.camera import GroundCamera, Pinhole
-from services.simulator.solids import Solids, cast_at_discs
-from services.simulator.state import CameraMount, RobotState, WorldView
+from heel.services.geometry.camera import GroundCamera, Pinhole
+from heel.services.simulator.solids import Solids, cast_at_discs
+from heel.services.simulator.state import CameraMount, RobotState, WorldView
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from services.simulator.postures import Posture
+from heel.services.simulator.postures import Posture
 
 _ROUND_CORNER_M = 0.4
 _STAND_WITHIN_M = 0.12

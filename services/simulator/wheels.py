@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schemas import DriveState
+from heel.schemas import DriveState
 
 TIMEOUT_S = 0.2
 """The drive speaks 50 times a second; wheels that hear nothing for so long stop by themselves."""

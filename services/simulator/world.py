@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import (
+from heel.schemas import (
     Odometry,
     Pose,
     Ranges,
@@ -17,14 +17,14 @@ from schemas import (
     SimTruth,
     SimWorld,
 )
-from services.simulator.errors import SimulatorError
-from services.simulator.people import Crowd
-from services.simulator.robot import Drivetrain, RobotBody, wrap
-from services.simulator.script import Scenario
-from services.simulator.sensors import RangeRing, WheelOdometry
-from services.simulator.solids import Solids
-from services.simulator.state import CameraMount, Obstacle, PersonState, RobotState, Scenery
-from services.simulator.views import look
+from heel.services.simulator.errors import SimulatorError
+from heel.services.simulator.people import Crowd
+from heel.services.simulator.robot import Drivetrain, RobotBody, wrap
+from heel.services.simulator.script import Scenario
+from heel.services.simulator.sensors import RangeRing, WheelOdometry
+from heel.services.simulator.solids import Solids
+from heel.services.simulator.state import CameraMount, Obstacle, PersonState, RobotState, Scenery
+from heel.services.simulator.views import look
 
 Array = NDArray[np.float64]
 

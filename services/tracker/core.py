@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, CameraMotion, FrameId, Track, Tracks
-from services.geometry.calibration_file import Calibration, read_calibration
-from services.tracker.blob.tracker import BlobTracker
-from services.tracker.fitted.tracker import FittedTracker
-from services.tracker.given_boxes.people import PeopleTracker
-from services.tracker.settings import TrackerSettings
-from services.tracker.sought import SoughtTracker
-from services.tracker.timing import FrameClock
+from heel.schemas import Blobs, CameraMotion, FrameId, Track, Tracks
+from heel.services.geometry.calibration_file import Calibration, read_calibration
+from heel.services.tracker.blob.tracker import BlobTracker
+from heel.services.tracker.fitted.tracker import FittedTracker
+from heel.services.tracker.given_boxes.people import PeopleTracker
+from heel.services.tracker.settings import TrackerSettings
+from heel.services.tracker.sought import SoughtTracker
+from heel.services.tracker.timing import FrameClock
 
 Method = BlobTracker | FittedTracker | PeopleTracker | SoughtTracker
 

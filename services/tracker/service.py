@@ -6,12 +6,12 @@ import time
 
 import cv2
 
-from schemas import Blobs, MessageError, keys
-from services.runtime import qos
-from services.runtime.service import ServiceContext, run_service
-from services.runtime.settings import Loaded
-from services.tracker.core import configured, warm_up
-from services.tracker.settings import TrackerServiceSettings
+from heel.schemas import Blobs, MessageError, keys
+from heel.services.runtime import qos
+from heel.services.runtime.service import ServiceContext, run_service
+from heel.services.runtime.settings import Loaded
+from heel.services.tracker.core import configured, warm_up
+from heel.services.tracker.settings import TrackerServiceSettings
 
 
 def serve(context: ServiceContext[TrackerServiceSettings]) -> None:

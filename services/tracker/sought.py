@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from schemas import Blob, Blobs, Track
-from schemas.base import BoxXyxy
-from services.tracker.given_boxes.carry import CameraStep
+from heel.schemas import Blob, Blobs, Track
+from heel.schemas.base import BoxXyxy
+from heel.services.tracker.given_boxes.carry import CameraStep
 
 _CONFIRM_FRAMES = 3
 _REMEMBERED_S = 1.0

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from schemas import MessageError, Pose, SimPerson, SimTruth, SimWorld, decode, keys
-from services.runtime import qos
-from services.runtime.inbox import Arrival
-from services.runtime.latched import LatchedQuery
-from services.runtime.service import ServiceContext
-from services.web.hub import Hub
-from services.web.rate import RateLimiter
-from services.web.settings import WebServiceSettings
+from heel.schemas import MessageError, Pose, SimPerson, SimTruth, SimWorld, decode, keys
+from heel.services.runtime import qos
+from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.latched import LatchedQuery
+from heel.services.runtime.service import ServiceContext
+from heel.services.web.hub import Hub
+from heel.services.web.rate import RateLimiter
+from heel.services.web.settings import WebServiceSettings
 
 _MAX_HZ = 12.0
 

@@ -18,7 +18,7 @@ from typing import Any
 from aiohttp import web
 from aiohttp.web_protocol import RequestHandler
 
-from services.runtime.logs import OncePerSecond
+from heel.services.runtime.logs import OncePerSecond
 
 IDLE_S = 5.0
 """A connection that asks for nothing, or takes longer to ask, is closed."""

@@ -14,15 +14,15 @@ from typing import Any
 
 from zenoh.handlers import FifoChannel
 
-from schemas import EStop, HeelError, Target, TargetRequest, decode, encode, keys
-from services.runtime import qos
-from services.runtime.latched import LatchedAnswers
-from services.runtime.publishing import Latched
-from services.runtime.service import ServiceContext
-from services.runtime.stop_socket import drives_here
-from services.web.estop import PageStop, Part
-from services.web.settings import WebServiceSettings
-from services.web.worker import BusyError, Worker
+from heel.schemas import EStop, HeelError, Target, TargetRequest, decode, encode, keys
+from heel.services.runtime import qos
+from heel.services.runtime.latched import LatchedAnswers
+from heel.services.runtime.publishing import Latched
+from heel.services.runtime.service import ServiceContext
+from heel.services.runtime.stop_socket import drives_here
+from heel.services.web.estop import PageStop, Part
+from heel.services.web.settings import WebServiceSettings
+from heel.services.web.worker import BusyError, Worker
 
 _MAX_ERROR_TEXT = 300
 _MAX_WAITING = 8

@@ -6,8 +6,8 @@ import time
 from collections.abc import Iterable
 from typing import Literal
 
-from schemas import EStop
-from services.runtime.stop_latch import StopLatch
+from heel.schemas import EStop
+from heel.services.runtime.stop_latch import StopLatch
 
 REPEAT_AFTER_S = 0.2
 _FRESH_S = 1.0

@@ -13,8 +13,8 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from schemas import FollowState, Track
-from services.web.joiner import Joined
+from heel.schemas import FollowState, Track
+from heel.services.web.joiner import Joined
 
 FORMAT_VERSION = 1
 

@@ -10,23 +10,23 @@ from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from schemas import MessageError
-from services.web.connections import HEADERS, Connections
-from services.web.control import (
+from heel.schemas import MessageError
+from heel.services.web.connections import HEADERS, Connections
+from heel.services.web.control import (
     Control,
     NoFollowerError,
     RouterAwayError,
     TargetRefusedError,
 )
-from services.web.guard import HostGuard
-from services.web.hub import Hub, Viewer
-from services.web.requests import (
+from heel.services.web.guard import HostGuard
+from heel.services.web.hub import Hub, Viewer
+from heel.services.web.requests import (
     MAX_BODY_BYTES,
     BadRequestError,
     acknowledged_number,
     target_request,
 )
-from services.web.worker import BusyError
+from heel.services.web.worker import BusyError
 
 STATIC_FILES = {
     "index.html": "text/html",
@@ -223,7 +223,7 @@ async def _add_headers(_request: web.Request, response: web.StreamResponse) -> N
 
 def _static(name: str) -> Callable[[web.Request], Awaitable[web.Response]]:
     # Read once: the pages then work from a read-only root, a wheel or a zip alike.
-    body = resources.files("services.web").joinpath("static", name).read_bytes()
+    body = resources.files("heel.services.web").joinpath("static", name).read_bytes()
     content_type = STATIC_FILES[name]
     charset = None if content_type.startswith("image/") else "utf-8"
 

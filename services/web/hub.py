@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Literal
 
-from services.web.frames import ViewFrame
-from services.web.viewer import ViewerQueue
+from heel.services.web.frames import ViewFrame
+from heel.services.web.viewer import ViewerQueue
 
 NoteKind = Literal["status", "sim-world", "sim-truth"]
 """JSON objects that viewers get beside the pictures; newcomers get the last of each kind."""

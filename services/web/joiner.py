@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 
-from schemas import FrameId, Header, Tracks
+from heel.schemas import FrameId, Header, Tracks
 
 _FrameKey = tuple[str, int, int]
 

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import MessageError
-from schemas.image import JPEG, RAW, check_jpeg, decode_image, encode_image
-from services.web.joiner import HeldImage
+from heel.schemas import MessageError
+from heel.schemas.image import JPEG, RAW, check_jpeg, decode_image, encode_image
+from heel.services.web.joiner import HeldImage
 
 _REDUCED = (
     (8, cv2.IMREAD_REDUCED_COLOR_8),

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from schemas import HeelError, TargetRequest
+from heel.schemas import HeelError, TargetRequest
 
 MAX_BODY_BYTES = 4096
 _TARGET_KEYS = frozenset(TargetRequest.model_fields) - {"v"}

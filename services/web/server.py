@@ -13,10 +13,10 @@ from typing import Any
 
 from aiohttp import WSCloseCode, web
 
-from schemas import HeelError
-from services.web.connections import IDLE_S, Connection
-from services.web.handlers import SOCKETS, Site
-from services.web.hub import Hub
+from heel.schemas import HeelError
+from heel.services.web.connections import IDLE_S, Connection
+from heel.services.web.handlers import SOCKETS, Site
+from heel.services.web.hub import Hub
 
 _START_DEADLINE_S = 5.0
 _BACKLOG = 128

@@ -9,7 +9,7 @@ from dataclasses import replace
 import cv2
 import zenoh
 
-from schemas import (
+from heel.schemas import (
     DriveState,
     EndOfStream,
     EStop,
@@ -22,27 +22,27 @@ from schemas import (
     decode,
     keys,
 )
-from services.runtime import qos
-from services.runtime.chain import Problem
-from services.runtime.chain import describe as describe_problems
-from services.runtime.inbox import Arrival
-from services.runtime.latched import LatchedQuery
-from services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
-from services.runtime.settings import Loaded
-from services.runtime.streams import StreamJudge
-from services.web.above import ViewFromAbove
-from services.web.connections import Connections, room_for_connections
-from services.web.control import Control
-from services.web.frames import ViewFrame, describe
-from services.web.guard import HostGuard
-from services.web.handlers import Site
-from services.web.hub import Hub
-from services.web.joiner import FrameJoiner, HeldImage, Joined
-from services.web.picture import to_jpeg
-from services.web.rate import RateLimiter
-from services.web.server import ServerThread, listen
-from services.web.settings import WebServiceSettings, is_loopback
-from services.web.status import StatusBoard
+from heel.services.runtime import qos
+from heel.services.runtime.chain import Problem
+from heel.services.runtime.chain import describe as describe_problems
+from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.latched import LatchedQuery
+from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
+from heel.services.runtime.settings import Loaded
+from heel.services.runtime.streams import StreamJudge
+from heel.services.web.above import ViewFromAbove
+from heel.services.web.connections import Connections, room_for_connections
+from heel.services.web.control import Control
+from heel.services.web.frames import ViewFrame, describe
+from heel.services.web.guard import HostGuard
+from heel.services.web.handlers import Site
+from heel.services.web.hub import Hub
+from heel.services.web.joiner import FrameJoiner, HeldImage, Joined
+from heel.services.web.picture import to_jpeg
+from heel.services.web.rate import RateLimiter
+from heel.services.web.server import ServerThread, listen
+from heel.services.web.settings import WebServiceSettings, is_loopback
+from heel.services.web.status import StatusBoard
 
 _STATUS_PERIOD_S = 0.2
 _ROUTER_PERIOD_S = 0.2

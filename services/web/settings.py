@@ -7,7 +7,7 @@ import re
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from services.runtime.settings import Endpoints, ServiceSettings
+from heel.services.runtime.settings import Endpoints, ServiceSettings
 
 _HOST_NAME = re.compile(r"[a-z0-9]([a-z0-9.-]{0,251}[a-z0-9])?(:[0-9]{1,5})?")
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from schemas import DriveState, EndOfStream, FollowState, Header, Health, MotionCommand
-from services.runtime.chain import MISSING, ChainWatch, Part, Problem
-from services.runtime.logs import printable
+from heel.schemas import DriveState, EndOfStream, FollowState, Header, Health, MotionCommand
+from heel.services.runtime.chain import MISSING, ChainWatch, Part, Problem
+from heel.services.runtime.logs import printable
 
 NOTICE = "notice"
 """The detail of a service's health that the page shows, marked as that service's."""

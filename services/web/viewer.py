@@ -6,7 +6,7 @@ pile up in the kernel's socket buffers before a slow viewer is noticed.
 
 from __future__ import annotations
 
-from services.web.frames import ViewFrame
+from heel.services.web.frames import ViewFrame
 
 
 class ViewerQueue:

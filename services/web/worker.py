@@ -8,7 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from typing import TypeVar
 
-from schemas import HeelError
+from heel.schemas import HeelError
 
 T = TypeVar("T")
 

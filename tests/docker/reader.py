@@ -9,7 +9,7 @@ import time
 
 import zenoh
 
-from schemas import EndOfStream, Health, Stamp, Tracks, decode, keys
+from heel.schemas import EndOfStream, Health, Stamp, Tracks, decode, keys
 
 
 def listen(seconds: float, enough: int, deadline_s: float) -> dict[str, object]:

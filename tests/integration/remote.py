@@ -19,8 +19,8 @@ from pathlib import Path
 
 import zenoh
 
-from schemas import EndOfStream, Stamp, decode, keys
-from services.runtime.streams import ProducerGate
+from heel.schemas import EndOfStream, Stamp, decode, keys
+from heel.services.runtime.streams import ProducerGate
 from tests.support.network import wait_until
 from tests.support.processes import REPOSITORY, Running, running
 
@@ -106,7 +106,7 @@ def robot(recipe: Recipe, port: int, *only: str) -> Iterator[dict[str, Running]]
     environment["HEEL_ZENOH__CONNECT"] = f"tcp/127.0.0.1:{port}"
     with ExitStack() as stack:
         started = {
-            service: stack.enter_context(running("-m", "services", *words, **environment))
+            service: stack.enter_context(running("-m", "heel", *words, **environment))
             for service, words in recipe.commands(recipe.robot).items()
             if not only or service in only
         }
@@ -124,7 +124,7 @@ def _is_up(process: Running) -> bool:
 def elsewhere(link: Link, recipe: Recipe, service: str) -> Iterator[Running]:
     """The other host's block for a service, run inside the namespace."""
     words = [service, *recipe.commands(recipe.other)["detector"][1:]]
-    command = ["ip", "netns", "exec", link.namespace, sys.executable, "-m", "services", *words]
+    command = ["ip", "netns", "exec", link.namespace, sys.executable, "-m", "heel", *words]
     replaced_by_it = f"import os; os.execvp('ip', {command!r})"
     with running("-c", replaced_by_it, **recipe.environment(recipe.other)) as process:
         yield process

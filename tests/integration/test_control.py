@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from schemas import Health, encode, keys
-from services.runtime.registry import Run, runs
+from heel.schemas import Health, encode, keys
+from heel.services.runtime.registry import Run, runs
 from tests.support.network import client, wait_until
 
-HEEL = [sys.executable, "-m", "services"]
+HEEL = [sys.executable, "-m", "heel"]
 
 
 def heel(endpoint: str, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -60,7 +60,7 @@ def hung(run: Run, service: str) -> Iterator[None]:
     [pid] = [
         int(entry.name)
         for entry in Path("/proc").iterdir()
-        if entry.name.isdigit() and _is_child(entry, run.pid, f"services.{service}")
+        if entry.name.isdigit() and _is_child(entry, run.pid, f"heel.services.{service}")
     ]
     os.kill(pid, signal.SIGSTOP)
     try:

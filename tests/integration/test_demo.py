@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from schemas import EndOfStream, encode
+from heel.schemas import EndOfStream, encode
 from tests.support.network import client, wait_until
 from tests.support.processes import finished, running
 
-FLAGS = ("-m", "services", "demo", "--port", "0", "--scenario", "distractor-2")
+FLAGS = ("-m", "heel", "demo", "--port", "0", "--scenario", "distractor-2")
 
 
 def test_it_ends_after_so_long_and_says_how_it_went(tmp_path: Path) -> None:
@@ -57,7 +57,7 @@ def test_ctrl_c_ends_every_service(tmp_path: Path) -> None:
 
 def test_a_scenario_that_does_not_exist_is_named(tmp_path: Path) -> None:
     code, out, err = finished(
-        "-m", "services", "demo", "--port", "0", "--scenario", "moon", "--out", str(tmp_path),
+        "-m", "heel", "demo", "--port", "0", "--scenario", "moon", "--out", str(tmp_path),
         deadline_s=60.0,
     )  # fmt: skip
     assert code == 2

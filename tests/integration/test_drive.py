@@ -14,12 +14,21 @@ import msgpack
 import pytest
 import zenoh
 
-from schemas import DriveState, EndOfStream, EStop, MotionCommand, Odometry, decode, encode, keys
-from services.runtime import qos
-from services.runtime.places import robot_name
-from services.runtime.publishing import Latched
-from services.runtime.settings import ZenohSettings
-from services.runtime.stop_socket import drives_here
+from heel.schemas import (
+    DriveState,
+    EndOfStream,
+    EStop,
+    MotionCommand,
+    Odometry,
+    decode,
+    encode,
+    keys,
+)
+from heel.services.runtime import qos
+from heel.services.runtime.places import robot_name
+from heel.services.runtime.publishing import Latched
+from heel.services.runtime.settings import ZenohSettings
+from heel.services.runtime.stop_socket import drives_here
 from tests.support import network
 from tests.support.driving import OTHER, Robot, drive_process, motion, next_seq, stamp
 from tests.support.network import wait_until
@@ -28,7 +37,7 @@ from tests.support.service_faults import FAULTS, Put, broken
 
 BOARD = """
 import pathlib, time
-from services.drive.drivers import Driver, OdometryReading
+from heel.services.drive.drivers import Driver, OdometryReading
 class Board(Driver):
     def __init__(self, options):
         self.file, _, self.fault = options.partition("|")
@@ -290,7 +299,7 @@ def test_a_follower_that_starts_while_the_drive_holds_the_stop_stands() -> None:
             press(client, True)
             wait_until(lambda: robot.stands_because("emergency stop"), "the stop")
             with network.collected(client, keys.FOLLOW_COMMAND) as commands:
-                with running("-m", "services.follower", "--connect", own):
+                with running("-m", "heel.services.follower", "--connect", own):
                     sample = commands.get(timeout=30.0)
     command = decode(MotionCommand, sample.payload.to_bytes(), str(sample.encoding))
     assert (command.state, command.reason) == ("stopped", "emergency stop")
@@ -356,6 +365,6 @@ def test_odometry_of_the_driver_is_published(board: dict[str, str], tmp_path: Pa
 def test_wrong_settings_are_one_line_and_exit_code_2(
     endpoint: str, flags: tuple[str, ...], words: str
 ) -> None:
-    code, out, err = finished("-m", "services.drive", "--connect", endpoint, *flags)
+    code, out, err = finished("-m", "heel.services.drive", "--connect", endpoint, *flags)
     assert (code, out) == (2, "")
     assert words in err.splitlines()[-1]

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 import pytest
 import zenoh
 
-from schemas import (
+from heel.schemas import (
     FollowState,
     Health,
     Message,
@@ -26,9 +26,9 @@ from schemas import (
     encode,
     keys,
 )
-from schemas.codec import decode
-from schemas.robot import RangeSector
-from services.runtime.clock import monotonic_clock
+from heel.schemas.codec import decode
+from heel.schemas.robot import RangeSector
+from heel.services.runtime.clock import monotonic_clock
 from tests.support import network
 from tests.support.processes import running
 from tests.unit.follower.people import TRACKER, person, tracks
@@ -57,7 +57,7 @@ class Robot:
     def start(self) -> None:
         """Start the follower, or another after the one that has ended."""
         self.process = self._resources.enter_context(
-            running("-m", "services.follower", "--connect", self.endpoint)
+            running("-m", "heel.services.follower", "--connect", self.endpoint)
         )
         network.wait_until(lambda: "is up" in self.process.stderr(), "the follower", 30.0)
 
@@ -176,7 +176,7 @@ def test_a_point_stays_pending_is_published_and_chosen_once_somebody_is_there(ro
 
 def test_heel_follow_waits_for_what_becomes_of_a_point(robot: Robot) -> None:
     robot.until("a first state", lambda state: state.state == "idle")
-    command = ("-m", "services", "follow", "3", "4", "--connect", robot.endpoint)
+    command = ("-m", "heel", "follow", "3", "4", "--connect", robot.endpoint)
     with running(*command) as process:
         robot.until("pending", lambda state: state.pending_point_px is not None)
         robot.people = (person(2, box_xyxy=(-20.0, 0.0, 40.0, 200.0)),)

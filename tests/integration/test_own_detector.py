@@ -6,8 +6,8 @@ import ast
 
 import numpy as np
 
-from schemas import Blobs, EndOfStream, Header, Tracks, decode, encode, keys
-from schemas.image import encode_image
+from heel.schemas import Blobs, EndOfStream, Header, Tracks, decode, encode, keys
+from heel.schemas.image import encode_image
 from tests.support import network
 from tests.support.processes import REPOSITORY, running
 
@@ -37,7 +37,7 @@ def test_the_example_needs_nothing_of_heel_but_the_schemas() -> None:
             else []
         )
     }
-    assert modules == {"json", "secrets", "sys", "time", "cv2", "numpy", "zenoh", "schemas"}
+    assert modules == {"json", "secrets", "sys", "time", "cv2", "numpy", "zenoh", "heel"}
 
 
 def test_the_tracker_follows_what_the_example_finds_to_the_end_of_the_stream() -> None:
@@ -49,7 +49,7 @@ def test_the_tracker_follows_what_the_example_finds_to_the_end_of_the_stream() -
             network.collected(session, keys.blobs("front")) as blobs,
             network.collected(session, keys.tracks("front")) as tracks,
             running(str(EXAMPLE), endpoint, "front") as detector,
-            running("-m", "services", "tracker", "--connect", endpoint, "--exit-at-end"),
+            running("-m", "heel", "tracker", "--connect", endpoint, "--exit-at-end"),
         ):
             images = session.declare_publisher(keys.image("front"))
             network.wait_for_listener(images)

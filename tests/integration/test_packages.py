@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from services.cli import app
-from services.runtime.process import software_version
+from heel.services.cli import app
+from heel.services.runtime.process import software_version
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SCENE = "scene:crossing?frames=30&width=320&height=240"
@@ -44,6 +44,12 @@ def tracked(*folders: str) -> set[str]:
     return {name for name in done.stdout.splitlines() if (REPOSITORY / name).is_file()}
 
 
+def packaged() -> set[str]:
+    """What is installed: the folders that `src/heel` links to, and its own files."""
+    own = {name.removeprefix("src/") for name in tracked("src")}
+    return own | {f"heel/{name}" for name in tracked(*PACKAGES)}
+
+
 def test_the_wheel_holds_the_packages_whole_and_nothing_else(built: Path) -> None:
     (wheel,) = built.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
@@ -51,9 +57,9 @@ def test_the_wheel_holds_the_packages_whole_and_nothing_else(built: Path) -> Non
         metadata = next(name for name in names if name.endswith(".dist-info/METADATA"))
         told = Parser().parsestr(archive.read(metadata).decode())
     info = metadata.partition("/")[0]
-    assert {name for name in names if not name.startswith(f"{info}/")} == tracked(*PACKAGES)
+    assert {name for name in names if not name.startswith(f"{info}/")} == packaged()
     assert f"{info}/licenses/LICENSE" in names
-    assert "services/web/static/app.js" in names
+    assert "heel/services/web/static/app.js" in names
     wanted = told.get_all("Requires-Dist") or []
     assert not any("trackeval" in line.lower() for line in wanted)
     opencv = {line.split(";")[0].split(">")[0] for line in wanted if "opencv" in line}
@@ -65,8 +71,8 @@ def test_the_sdist_holds_docs_and_examples_and_no_stray_tests(built: Path) -> No
     with tarfile.open(sdist) as archive:
         names = {member.name.partition("/")[2] for member in archive if member.isfile()}
     added = {"PKG-INFO", "pyproject.toml", ".gitignore"}
-    whole = tracked(*PACKAGES, "docs", "examples", "README.md", "LICENSE", "constraints.txt")
-    assert names - added == whole
+    whole = tracked("docs", "examples", "README.md", "LICENSE", "constraints.txt")
+    assert names - added == whole | {f"src/{name}" for name in packaged()}
     assert {"constraints.txt", "README.md", "LICENSE", "examples/own_detector.py"} <= names
 
 
@@ -116,15 +122,28 @@ def heel(environment: Path, *arguments: object, folder: Path) -> str:
     return done.stdout
 
 
-def test_the_installed_wheel_runs_and_scores_by_itself(elsewhere: Path, tmp_path: Path) -> None:
+def _fill_with_strangers(folder: Path) -> None:
+    """Put code of the same names as ours into a folder, as a robot's project may have it."""
+    stranger = "raise SystemExit('a stranger ran')\n"
+    for name in ("services", "schemas", "evaluation"):
+        (folder / name).mkdir()
+        (folder / name / "__init__.py").write_text(stranger)
+    (folder / "heel.py").write_text(stranger)
+
+
+def test_the_installed_wheel_runs_and_scores_among_strangers(
+    elsewhere: Path, tmp_path: Path
+) -> None:
+    _fill_with_strangers(tmp_path)
     assert heel(elsewhere, "--version", folder=tmp_path) == f"heel {software_version()}\n"
     heel(elsewhere, "run", SCENE, "--out", "results", folder=tmp_path)
+    heel(elsewhere, "run", SCENE, "--out", "live", "--live", folder=tmp_path)
     truth = tmp_path / "gt.txt"
     truth.write_text("1,1,10,20,30,60,1,-1,-1,-1\n2,1,12,20,30,60,1,-1,-1,-1\n")
     scores = heel(elsewhere, "eval", truth, truth, "--json", folder=tmp_path)
     assert '"mota":100.0' in scores
     where = subprocess.run(
-        [str(elsewhere / "bin/python"), "-P", "-c", "import services; print(services.__file__)"],
+        [str(elsewhere / "bin/python"), "-P", "-c", "import heel; print(heel.__file__)"],
         cwd=tmp_path, text=True, capture_output=True, check=True,
     )  # fmt: skip
     assert where.stdout.startswith(str(elsewhere)), "not this checkout"

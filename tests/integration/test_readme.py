@@ -16,8 +16,8 @@ from pathlib import Path
 import cv2
 import pytest
 
-from services.capture.sources import open_source
-from services.pipeline import scene_truth
+from heel.services.capture.sources import open_source
+from heel.services.pipeline import scene_truth
 from tests.support.network import wait_until
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -40,7 +40,7 @@ def run(line: str, folder: Path, **environment: str) -> subprocess.CompletedProc
     words = shlex.split(line)
     assert words[0] == "heel"
     return subprocess.run(
-        [sys.executable, "-m", "services", *words[1:]], cwd=folder, text=True, timeout=90,
+        [sys.executable, "-m", "heel", *words[1:]], cwd=folder, text=True, timeout=90,
         env={**os.environ, "PYTHONPATH": str(REPOSITORY), **environment}, capture_output=True,
         stdin=subprocess.DEVNULL, check=False,
     )  # fmt: skip
@@ -49,7 +49,7 @@ def run(line: str, folder: Path, **environment: str) -> subprocess.CompletedProc
 @contextmanager
 def started(line: str, folder: Path, **environment: str) -> Iterator[subprocess.Popen[bytes]]:
     process = subprocess.Popen(
-        [sys.executable, "-m", "services", *shlex.split(line)[1:]], cwd=folder,
+        [sys.executable, "-m", "heel", *shlex.split(line)[1:]], cwd=folder,
         env={**os.environ, "PYTHONPATH": str(REPOSITORY), **environment},
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip

@@ -19,7 +19,7 @@ from tests.support.network import wait_until
 from tests.support.processes import REPOSITORY
 
 SCENE = "scene:crossing?frames=120&width=320&height=240"
-HEEL = [sys.executable, "-m", "services"]
+HEEL = [sys.executable, "-m", "heel"]
 DEADLINE_S = 60.0
 
 
@@ -130,7 +130,7 @@ def test_a_killed_service_ends_the_run_with_its_name(tmp_path: Path) -> None:
         victim = next(
             pid
             for pid in processes_using(tmp_path)
-            if b"services.tracker" in Path(f"/proc/{pid}/cmdline").read_bytes()
+            if b"heel.services.tracker" in Path(f"/proc/{pid}/cmdline").read_bytes()
         )
         os.kill(victim, signal.SIGKILL)
         _, errors = run.communicate(timeout=30)
@@ -189,13 +189,15 @@ def test_a_run_that_cannot_start_touches_nothing_of_an_earlier_one(
 
 
 def test_a_service_of_the_same_name_in_the_working_directory_is_not_run(tmp_path: Path) -> None:
-    (tmp_path / "services").mkdir()
-    (tmp_path / "services" / "__init__.py").write_text("raise SystemExit('a stranger ran')\n")
-    script = "import sys; from services.cli import main; sys.argv = ['heel', *sys.argv[1:]]; main()"
+    for name in ("services", "schemas", "evaluation"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("raise SystemExit('a stranger ran')\n")
+    (tmp_path / "heel.py").write_text("raise SystemExit('a stranger ran')\n")
+    script = "import sys; from heel.services.cli import main; sys.argv[0] = 'heel'; main()"
     done = subprocess.run(
         [sys.executable, "-P", "-c", script, "run", SCENE, "--frames", "5", "--out", "out"],
         cwd=tmp_path, capture_output=True, text=True, timeout=DEADLINE_S, check=False,
-        stdin=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        stdin=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": str(REPOSITORY / "src")},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
 

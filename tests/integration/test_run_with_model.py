@@ -17,7 +17,7 @@ DEADLINE_S = 60.0
 
 
 def heel(*arguments: str) -> tuple[int, str, str]:
-    return finished("-m", "services", *arguments, deadline_s=DEADLINE_S)
+    return finished("-m", "heel", *arguments, deadline_s=DEADLINE_S)
 
 
 def test_a_lossless_run_with_a_network_equals_the_cores_in_one_process(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ EPISODES = [
 
 def scenarios(name: str, seed: int, *flags: str) -> Any:
     done = subprocess.run(
-        [sys.executable, "-m", "services", "scenarios", "--episodes", "1", "--scenario", name,
+        [sys.executable, "-m", "heel", "scenarios", "--episodes", "1", "--scenario", name,
          "--seed", str(seed), "--json", *flags],
         capture_output=True, text=True, timeout=115, check=False,
     )  # fmt: skip

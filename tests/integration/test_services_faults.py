@@ -12,7 +12,7 @@ from pathlib import Path
 import msgpack
 import pytest
 
-from schemas import (
+from heel.schemas import (
     Blobs,
     EStop,
     MotionCommand,
@@ -151,8 +151,8 @@ def test_services_end_cleanly_within_two_seconds_of_a_signal(
     with ExitStack() as resources:
         started = {
             name: resources.enter_context(
-                running("-m", f"services.{name}", "--instance", "signals", "--camera", "signals",
-                        "--connect", endpoint)
+                running("-m", f"heel.services.{name}", "--instance", "signals",
+                        "--camera", "signals", "--connect", endpoint)
             )
             for name in (*SERVICES, "capture", "drive")
         }  # fmt: skip
@@ -176,7 +176,7 @@ def free_port() -> int:
 def test_without_a_router_one_line_says_so(service: str) -> None:
     address = f"tcp/127.0.0.1:{free_port()}"
     code, out, err = finished(
-        "-m", f"services.{service}", "--connect", address, "--connect-timeout-s", "0.3",
+        "-m", f"heel.services.{service}", "--connect", address, "--connect-timeout-s", "0.3",
         "--log-level", "error",
     )  # fmt: skip
     assert (code, out) == (1, "")
@@ -185,7 +185,9 @@ def test_without_a_router_one_line_says_so(service: str) -> None:
 
 
 def test_a_signal_while_waiting_for_the_router_ends_the_service() -> None:
-    with running("-m", "services.tracker", "--connect", f"tcp/127.0.0.1:{free_port()}") as process:
+    with running(
+        "-m", "heel.services.tracker", "--connect", f"tcp/127.0.0.1:{free_port()}"
+    ) as process:
         network.wait_until(lambda: "waiting for a router" in process.stderr(), "the wait", 30.0)
         code, took_s = process.stop(signal.SIGTERM, 10.0)
         assert (code, took_s < 2.0) == (0, True), process.stderr()
@@ -195,10 +197,12 @@ def test_services_outlive_their_router_and_still_end_in_time() -> None:
     address = f"tcp/127.0.0.1:{free_port()}"
     with ExitStack() as resources:
         router = resources.enter_context(
-            running("-m", "services.cli", "router", "--listen", address)
+            running("-m", "heel.services.cli", "router", "--listen", address)
         )
         network.wait_until(lambda: "router listens" in router.stderr(), "the router", 30.0)
-        service = resources.enter_context(running("-m", "services.tracker", "--connect", address))
+        service = resources.enter_context(
+            running("-m", "heel.services.tracker", "--connect", address)
+        )
         network.wait_until(lambda: is_up(service), "the tracker", 30.0)
         router.stop(signal.SIGKILL, 10.0)
         assert service.alive
@@ -210,7 +214,7 @@ def test_services_outlive_their_router_and_still_end_in_time() -> None:
 def test_an_unknown_key_in_the_file_is_one_line(service: str, tmp_path: Path) -> None:
     file = tmp_path / "heel.toml"
     file.write_text(f"[{service}]\ncamra = 'front'\n")
-    code, out, err = finished("-m", f"services.{service}", "--config", str(file))
+    code, out, err = finished("-m", f"heel.services.{service}", "--config", str(file))
     assert (code, out) == (2, "")
     (line,) = err.splitlines()
     told = f"{service}.camra: unknown key; did you mean 'camera'?"
@@ -230,7 +234,7 @@ def test_an_unknown_key_in_the_file_is_one_line(service: str, tmp_path: Path) ->
 def test_wrong_settings_in_the_environment_are_one_line(
     variable: str, value: str, words: str
 ) -> None:
-    code, out, err = finished("-m", "services.tracker", **{variable: value})
+    code, out, err = finished("-m", "heel.services.tracker", **{variable: value})
     assert (code, out) == (2, "")
     (line,) = err.splitlines()
     assert words in line

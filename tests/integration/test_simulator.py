@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from schemas import (
+from heel.schemas import (
     Blobs,
     CameraInfo,
     DriveState,
@@ -32,7 +32,7 @@ from schemas import (
     encode,
     keys,
 )
-from schemas.image import decode_image
+from heel.schemas.image import decode_image
 from tests.support.network import client, collected, router, wait_until
 from tests.support.processes import Running, running
 
@@ -48,7 +48,7 @@ def endpoint() -> Iterator[str]:
 
 @contextmanager
 def simulator(endpoint: str, *flags: str) -> Iterator[Running]:
-    with running("-m", "services.simulator", "--connect", endpoint, *flags) as process:
+    with running("-m", "heel.services.simulator", "--connect", endpoint, *flags) as process:
         yield process
 
 
@@ -211,7 +211,9 @@ def test_the_stack_follows_at_a_distance_and_stands_on_emergency_stop(endpoint: 
         )
         stack.callback(watch.undeclare)
         for name, *flags in services:
-            stack.enter_context(running("-m", f"services.{name}", "--connect", endpoint, *flags))
+            stack.enter_context(
+                running("-m", f"heel.services.{name}", "--connect", endpoint, *flags)
+            )
         wait_until(lambda: len(present) == len(services), "the services", 30.0)
         process = stack.enter_context(simulator(endpoint, "distractor-2", "--seed", "5", *BOXES))
         wait_until(lambda: newest.t_s > 1.0, "the world", 30.0)

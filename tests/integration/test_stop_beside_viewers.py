@@ -12,7 +12,7 @@ import pytest
 import zenoh
 
 from benchmarks.stopping.relay import Relay
-from schemas import EStop, encode, keys
+from heel.schemas import EStop, encode, keys
 from tests.support import network
 from tests.support.driving import drive_process
 from tests.support.network import wait_until

@@ -107,11 +107,11 @@ def test_only_users_of_the_file_get_in(link: Link, recipe: Recipe, port: int) ->
         {"HEEL_ZENOH__USER": known["HEEL_ZENOH__USER"], "HEEL_ZENOH__PASSWORD": "guessed"},
         known | {"HEEL_ZENOH__USER": "somebody"}, {},
     )  # fmt: skip
-    knock = ("-m", "services.runtime.probe", recipe.wide)
+    knock = ("-m", "heel.services.runtime.probe", recipe.wide)
     with robot(recipe, port, "router"):
         assert finished(*knock, **known)[0] == 0
         assert [finished(*knock, **stranger)[0] for stranger in strangers] == [1, 1, 1]
-        status = ("-m", "services", "status", "--connect", recipe.wide)
+        status = ("-m", "heel", "status", "--connect", recipe.wide)
         code, said, complaint = finished(*status, **strangers[0])
         assert (code, said) == (1, "")
         assert "check user and password" in complaint
@@ -119,8 +119,6 @@ def test_only_users_of_the_file_get_in(link: Link, recipe: Recipe, port: int) ->
 
 
 def test_a_router_without_users_does_not_listen_beyond_loopback(link: Link, port: int) -> None:
-    code, _, complaint = finished(
-        "-m", "services", "router", "--listen", f"tcp/{link.address}:{port}"
-    )
+    code, _, complaint = finished("-m", "heel", "router", "--listen", f"tcp/{link.address}:{port}")
     assert code == 2
     assert "open to the network without authentication" in complaint

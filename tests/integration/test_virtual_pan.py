@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from schemas import CameraInfo, DriveState, Header, Odometry, decode, encode, keys
-from schemas.image import decode_image
+from heel.schemas import CameraInfo, DriveState, Header, Odometry, decode, encode, keys
+from heel.schemas.image import decode_image
 from tests.support import network
 from tests.support.processes import finished, running
 
@@ -52,7 +52,7 @@ def test_the_window_turns_with_the_wheels_and_stands_when_the_drive_falls_silent
         network.collected(session, keys.ROBOT_ODOMETRY) as odometry,
     ):
         drive = session.declare_publisher(keys.ROBOT_DRIVE)
-        with running("-m", "services.capture", source, "--connect", endpoint,
+        with running("-m", "heel.services.capture", source, "--connect", endpoint,
                      "--no-shared-memory") as process:  # fmt: skip
             info = decode(CameraInfo, infos.get(timeout=30.0).payload.to_bytes())
             first = _frame(images)
@@ -88,7 +88,7 @@ def test_garbage_on_the_drive_s_topic_turns_nothing_and_is_counted(
         network.collected(session, keys.image("front")) as images,
     ):
         drive = session.declare_publisher(keys.ROBOT_DRIVE)
-        with running("-m", "services.capture", f"{SCENE}&window_file={file}", "--connect",
+        with running("-m", "heel.services.capture", f"{SCENE}&window_file={file}", "--connect",
                      endpoint, "--no-shared-memory") as process:  # fmt: skip
             _frame(images)
             for _ in range(10):
@@ -103,7 +103,7 @@ def test_garbage_on_the_drive_s_topic_turns_nothing_and_is_counted(
 
 def test_a_lossless_run_of_a_virtual_pan_is_refused_with_the_remedy(endpoint: str) -> None:
     code, _, stderr = finished(
-        "-m", "services.capture", SCENE, "--connect", endpoint, "--delivery", "lossless"
+        "-m", "heel.services.capture", SCENE, "--connect", endpoint, "--delivery", "lossless"
     )
     assert code == 2
     assert "--delivery live" in stderr

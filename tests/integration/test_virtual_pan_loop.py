@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import zenoh
 
-from evaluation.panning.truth import People, in_window, overlap, read_people
-from schemas import EndOfStream, Target, TargetRequest, Tracks, decode, encode, keys
+from heel.evaluation.panning.truth import People, in_window, overlap, read_people
+from heel.schemas import EndOfStream, Target, TargetRequest, Tracks, decode, encode, keys
 from tests.support import network
 from tests.support.network import wait_until
 from tests.support.processes import Running, running
@@ -40,11 +40,11 @@ def test_the_person_pointed_at_stays_in_the_window_with_the_same_id(tmp_path: Pa
         arrivals = stack.enter_context(network.collected(session, keys.tracks("front")))
         for name, flags in (("detector", ()), ("tracker", ()), ("follower", FOLLOWER),
                             ("drive", ())):  # fmt: skip
-            command = ("-m", f"services.{name}", "--connect", endpoint, *flags)
+            command = ("-m", f"heel.services.{name}", "--connect", endpoint, *flags)
             service = stack.enter_context(running(*command))
             wait_until(_is_up(service), name, 60.0)
         stack.enter_context(
-            running("-m", "services.capture", source, "--connect", endpoint, "--frames",
+            running("-m", "heel.services.capture", source, "--connect", endpoint, "--frames",
                     str(FRAMES))
         )  # fmt: skip
         seen, target = _played(arrivals, session)

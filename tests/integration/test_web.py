@@ -11,8 +11,8 @@ from typing import Any
 import aiohttp
 import pytest
 
-from schemas import EStop, FollowState, Health, MotionCommand, Target, Tracks, encode, keys
-from schemas.image import JPEG, RAW, jpeg_size
+from heel.schemas import EStop, FollowState, Health, MotionCommand, Target, Tracks, encode, keys
+from heel.schemas.image import JPEG, RAW, jpeg_size
 from tests.support.network import client, router, wait_until
 from tests.support.processes import finished
 from tests.support.web_client import DEADLINE_S, get, next_frame, status_of, upgrade, viewing
@@ -191,7 +191,7 @@ def test_ends_in_two_seconds_with_viewers_connected(endpoint: str, number: signa
 
 def test_a_port_in_use_is_one_line_with_the_remedy(endpoint: str, page: str) -> None:
     port = page.rpartition(":")[2]
-    code, _, err = finished("-m", "services.web", "--connect", endpoint, "--port", port)
+    code, _, err = finished("-m", "heel.services.web", "--connect", endpoint, "--port", port)
     assert code == 1
     assert f"127.0.0.1:{port} is in use" in err
     assert "--port" in err
@@ -199,7 +199,7 @@ def test_a_port_in_use_is_one_line_with_the_remedy(endpoint: str, page: str) -> 
 
 
 def test_an_open_address_needs_insecure_by_name(endpoint: str) -> None:
-    flags = ("-m", "services.web", "--connect", endpoint, "--port", "0", "--host", "0.0.0.0")
+    flags = ("-m", "heel.services.web", "--connect", endpoint, "--port", "0", "--host", "0.0.0.0")
     code, _, err = finished(*flags)
     assert code == 2
     assert "--insecure" in err

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import zenoh
 
-from schemas import EStop, FollowState, HeelError, Target, TargetRequest, decode, encode, keys
-from services.runtime.router import RouterSettings, open_router
+from heel.schemas import EStop, FollowState, HeelError, Target, TargetRequest, decode, encode, keys
+from heel.services.runtime.router import RouterSettings, open_router
 from tests.support.network import client, collected, router, wait_until
 from tests.support.web_page import (
     STANDER,

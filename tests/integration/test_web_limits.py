@@ -11,8 +11,8 @@ from contextlib import ExitStack
 
 import pytest
 
-from schemas import EStop, decode, keys
-from services.web.connections import IDLE_S, MOST_CONNECTIONS
+from heel.schemas import EStop, decode, keys
+from heel.services.web.connections import IDLE_S, MOST_CONNECTIONS
 from tests.support.network import client, collected, router, wait_until
 from tests.support.processes import Running
 from tests.support.web_client import DEADLINE_S, post

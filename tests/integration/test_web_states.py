@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import zenoh
 
-from schemas import DriveState, FollowState, Health, Target, encode, keys
-from services.runtime.chain import CHAIN
+from heel.schemas import DriveState, FollowState, Health, Target, encode, keys
+from heel.services.runtime.chain import CHAIN
 from tests.support.network import client, router, wait_until
 from tests.support.processes import Running
 from tests.support.web_client import post, status_of

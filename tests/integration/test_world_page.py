@@ -35,7 +35,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Runnin
     out = tmp_path_factory.mktemp("demo")
     flags = ("--port", "0", "--scenario", "crowd", "--seed", "2", "--seconds", "150",
              "--perception", "simulated-boxes", "--out", str(out))  # fmt: skip
-    with running("-m", "services", "demo", *flags) as process:
+    with running("-m", "heel", "demo", *flags) as process:
         page = re.compile(r"live page: (\S+)")
         wait_until(lambda: bool(page.search(process.stdout())) or not process.alive, "page", 40.0)
         found = page.search(process.stdout())

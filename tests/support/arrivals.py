@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from schemas import FrameId, Message, Stamp, encode
-from services.runtime.inbox import Arrival
+from heel.schemas import FrameId, Message, Stamp, encode
+from heel.services.runtime.inbox import Arrival
 
 PRODUCER = "tracker/main@00000001"
 

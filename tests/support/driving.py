@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import zenoh
 
-from schemas import DriveState, Health, MotionCommand, Stamp, decode, encode, keys
+from heel.schemas import DriveState, Health, MotionCommand, Stamp, decode, encode, keys
 from tests.support.network import wait_until
 from tests.support.processes import Running, running
 
@@ -105,8 +105,10 @@ class Robot:
 def drive_process(
     endpoint: str, session: zenoh.Session, *flags: str, **environment: str
 ) -> Iterator[Robot]:
-    """`python -m services.drive` that is up."""
-    with running("-m", "services.drive", "--connect", endpoint, *flags, **environment) as process:
+    """`python -m heel.services.drive` that is up."""
+    with running(
+        "-m", "heel.services.drive", "--connect", endpoint, *flags, **environment
+    ) as process:
         robot = Robot(session, process)
         try:
             wait_until(lambda: robot.is_up() or not process.alive, "the drive", 30.0)

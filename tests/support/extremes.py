@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import (
+from heel.schemas import (
     Blob,
     Blobs,
     CameraInfo,

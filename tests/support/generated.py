@@ -9,7 +9,7 @@ from typing import Any
 import msgpack
 from hypothesis import strategies as st
 
-from schemas.export import json_schemas
+from heel.schemas.export import json_schemas
 
 _TEXT = st.characters(codec="utf-8")
 

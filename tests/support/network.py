@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 import zenoh
 
-from services.runtime.router import open_private_router
+from heel.services.runtime.router import open_private_router
 
 DEADLINE_S = 10.0
 """For what takes milliseconds: reached only when it never comes."""

@@ -10,7 +10,7 @@ import msgpack
 import numpy as np
 import zenoh
 
-from schemas import (
+from heel.schemas import (
     Blobs,
     CameraInfo,
     EndOfStream,
@@ -30,7 +30,7 @@ from schemas import (
     encode,
     keys,
 )
-from schemas.image import MAX_IMAGE_BYTES, RAW
+from heel.schemas.image import MAX_IMAGE_BYTES, RAW
 from tests.support import network
 from tests.support.processes import running
 
@@ -152,7 +152,7 @@ class Stack:
         resources.callback(subscriber.undeclare)
         self.processes = {
             name: resources.enter_context(
-                running("-m", f"services.{name}", "--camera", name, "--connect", endpoint)
+                running("-m", f"heel.services.{name}", "--camera", name, "--connect", endpoint)
             )
             for name in SERVICES
         }

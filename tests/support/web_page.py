@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 import zenoh
 
-from schemas import EndOfStream, Header, Stamp, Track, Tracks, encode, keys
-from schemas.image import JPEG, RAW, encode_image
+from heel.schemas import EndOfStream, Header, Stamp, Track, Tracks, encode, keys
+from heel.schemas.image import JPEG, RAW, encode_image
 from tests.support.network import wait_until
 from tests.support.processes import Running, running
 
@@ -47,7 +47,7 @@ def walker_box(seq: int) -> tuple[float, float, float, float]:
 def web_process(endpoint: str, *arguments: str) -> Iterator[tuple[str, Running]]:
     """The web service on a free port; its address without the last slash, and its process."""
     flags = ("--connect", endpoint, "--port", "0", *arguments)
-    with running("-m", "services.web", *flags) as process:
+    with running("-m", "heel.services.web", *flags) as process:
         wait_until(lambda: "page at " in process.stderr() or not process.alive, "the page")
         assert process.alive, process.stderr()
         yield process.stderr().partition("page at ")[2].split('/"')[0], process

@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from schemas.export import json_schemas
+from heel.schemas.export import json_schemas
 from tests.support.processes import REPOSITORY
 
 DOCUMENT = REPOSITORY / "docs" / "wire.md"

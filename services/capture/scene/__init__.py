@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.capture.scene.scene import Scene, Truth
-from services.capture.scene.settings import SceneSettings
+from heel.services.capture.scene.scene import Scene, Truth
+from heel.services.capture.scene.settings import SceneSettings
 
 __all__ = ["Scene", "SceneSettings", "Truth"]

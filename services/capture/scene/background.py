@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.capture.scene.projection import GroundCamera
+from heel.services.capture.scene.projection import GroundCamera
 
 WALL_Z_M, WALL_TOP_M = 17.0, 5.0
 GRASS_Z_M = 14.2

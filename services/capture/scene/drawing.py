@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.capture.scene.background import SUN_X, SUN_Z
-from services.capture.scene.figure import Body, Shape, silhouette
-from services.capture.scene.projection import GroundCamera
+from heel.services.capture.scene.background import SUN_X, SUN_Z
+from heel.services.capture.scene.figure import Body, Shape, silhouette
+from heel.services.capture.scene.projection import GroundCamera
 
 Image = NDArray[np.uint8]
 _SHIFT = 4

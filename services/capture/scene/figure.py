@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.capture.scene.outfits import Bgr, Outfit
-from services.capture.scene.projection import GroundCamera, Points
+from heel.services.capture.scene.outfits import Bgr, Outfit
+from heel.services.capture.scene.projection import GroundCamera, Points
 
 THIGH_M, SHANK_M, ANKLE_M = 0.43, 0.42, 0.07
 UPPER_ARM_M, FOREARM_M = 0.29, 0.25

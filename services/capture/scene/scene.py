@@ -12,13 +12,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.capture.scene.background import draw_background
-from services.capture.scene.drawing import paint_shadows, paint_shapes
-from services.capture.scene.figure import Body, Shape, figure_shapes
-from services.capture.scene.outfits import OUTFITS
-from services.capture.scene.projection import GroundCamera
-from services.capture.scene.settings import SceneSettings
-from services.capture.scene.walks import (
+from heel.services.capture.scene.background import draw_background
+from heel.services.capture.scene.drawing import paint_shadows, paint_shapes
+from heel.services.capture.scene.figure import Body, Shape, figure_shapes
+from heel.services.capture.scene.outfits import OUTFITS
+from heel.services.capture.scene.projection import GroundCamera
+from heel.services.capture.scene.settings import SceneSettings
+from heel.services.capture.scene.walks import (
     CROSSING,
     DEMO,
     OUTSIDE,

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from services.capture.scene.figure import STRIDE_M, Stance
-from services.capture.scene.projection import GroundCamera
+from heel.services.capture.scene.figure import STRIDE_M, Stance
+from heel.services.capture.scene.projection import GroundCamera
 
 OUTSIDE = 1.45
 """Where people wait out of sight with their shadows, in half widths of the picture."""

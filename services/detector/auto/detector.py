@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs
-from schemas.follow import Pointed
-from services.detector.auto.foreground import AutoForeground
-from services.detector.background_detector import BackgroundDetector, SceneKey
-from services.detector.geometry import WorkSize
-from services.detector.interface import Frame
-from services.detector.pointed.detector import PointedAt
-from services.detector.pointed.message import people_message
-from services.detector.regions import smoothed
-from services.detector.settings import DetectorSettings
+from heel.schemas import Blobs
+from heel.schemas.follow import Pointed
+from heel.services.detector.auto.foreground import AutoForeground
+from heel.services.detector.background_detector import BackgroundDetector, SceneKey
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.interface import Frame
+from heel.services.detector.pointed.detector import PointedAt
+from heel.services.detector.pointed.message import people_message
+from heel.services.detector.regions import smoothed
+from heel.services.detector.settings import DetectorSettings
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,16 +6,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import FrameId, Tracks
-from schemas.blobs import FOREGROUND
-from services.detector.auto.standing import RestWatch, StandingWatch
-from services.detector.camera_motion import MotionEstimate
-from services.detector.ego.foreground import EgoForeground
-from services.detector.free_mask import free_mask
-from services.detector.geometry import WorkSize
-from services.detector.mixture.foreground import MixtureForeground
-from services.detector.regions import Seen
-from services.detector.settings import DetectorSettings
+from heel.schemas import FrameId, Tracks
+from heel.schemas.blobs import FOREGROUND
+from heel.services.detector.auto.standing import RestWatch, StandingWatch
+from heel.services.detector.camera_motion import MotionEstimate
+from heel.services.detector.ego.foreground import EgoForeground
+from heel.services.detector.free_mask import free_mask
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.mixture.foreground import MixtureForeground
+from heel.services.detector.regions import Seen
+from heel.services.detector.settings import DetectorSettings
 
 _FLOODED, _FLOODED_S = 0.6, 0.5
 """More foreground than this share of the picture is no people but a model that does not hold; for

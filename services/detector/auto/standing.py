@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.detector.camera_motion import (
+from heel.services.detector.camera_motion import (
     Affine,
     MotionEstimate,
     compose,

@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.blobs import FOREGROUND, SHADOW
-from services.detector.camera_motion import Affine
-from services.detector.regions import Indices, Learned, indices_of
-from services.detector.shadow import is_shadow
+from heel.schemas.blobs import FOREGROUND, SHADOW
+from heel.services.detector.camera_motion import Affine
+from heel.services.detector.regions import Indices, Learned, indices_of
+from heel.services.detector.shadow import is_shadow
 
 FloatMap = NDArray[np.float32]
 

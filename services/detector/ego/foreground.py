@@ -8,16 +8,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import FrameId, Tracks
-from services.detector.camera_motion import Affine, EgoMotion, MotionEstimate, compose
-from services.detector.ego.background import CarriedBackground
-from services.detector.free_mask import free_mask
-from services.detector.geometry import WorkSize
-from services.detector.mixture.foreground import find_regions, foreground
-from services.detector.mixture.ghosts import GhostFinder
-from services.detector.motion import FrameDifference, mark_moving
-from services.detector.regions import Learned, Seen, smoothed
-from services.detector.settings import DetectorSettings
+from heel.schemas import FrameId, Tracks
+from heel.services.detector.camera_motion import Affine, EgoMotion, MotionEstimate, compose
+from heel.services.detector.ego.background import CarriedBackground
+from heel.services.detector.free_mask import free_mask
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.mixture.foreground import find_regions, foreground
+from heel.services.detector.mixture.ghosts import GhostFinder
+from heel.services.detector.motion import FrameDifference, mark_moving
+from heel.services.detector.regions import Learned, Seen, smoothed
+from heel.services.detector.settings import DetectorSettings
 
 _MEDIAN_PX = 5
 _GHOST_FRAMES = 3

@@ -6,16 +6,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import FrameId, Tracks
-from schemas.blobs import FOREGROUND
-from services.detector.geometry import WorkSize
-from services.detector.mixture.ghosts import GhostFinder
-from services.detector.mixture.late import LateFrames
-from services.detector.mixture.model import BackgroundMixture
-from services.detector.mixture.startup import StillnessGate
-from services.detector.motion import FrameDifference, mark_moving
-from services.detector.regions import Indices, Learned, Region, Seen, regions_of, smoothed
-from services.detector.settings import DetectorSettings
+from heel.schemas import FrameId, Tracks
+from heel.schemas.blobs import FOREGROUND
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.mixture.ghosts import GhostFinder
+from heel.services.detector.mixture.late import LateFrames
+from heel.services.detector.mixture.model import BackgroundMixture
+from heel.services.detector.mixture.startup import StillnessGate
+from heel.services.detector.motion import FrameDifference, mark_moving
+from heel.services.detector.regions import Indices, Learned, Region, Seen, regions_of, smoothed
+from heel.services.detector.settings import DetectorSettings
 
 _GHOST_FRAMES = 3
 _MEDIAN_PX = 5

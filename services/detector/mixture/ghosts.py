@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.detector.camera_motion import Affine
-from services.detector.regions import Indices, indices_of
+from heel.services.detector.camera_motion import Affine
+from heel.services.detector.regions import Indices, indices_of
 
 SHARE = 0.6
 """A region is suspected when more of the edge strength on its outline is the model's."""

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import FrameId, Tracks
-from services.detector.free_mask import free_mask, shift_s
-from services.detector.geometry import WorkSize
-from services.detector.regions import Indices
+from heel.schemas import FrameId, Tracks
+from heel.services.detector.free_mask import free_mask, shift_s
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.regions import Indices
 
 MAX_SHIFT_S = 1.0
 """Tracks speak for frames at most this far from their own: beyond it a position is a guess."""

@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.blobs import FOREGROUND, SHADOW
-from services.detector.regions import Indices, Learned, indices_of
-from services.detector.shadow import is_shadow
+from heel.schemas.blobs import FOREGROUND, SHADOW
+from heel.services.detector.regions import Indices, Learned, indices_of
+from heel.services.detector.shadow import is_shadow
 
 FloatMap = NDArray[np.float32]
 

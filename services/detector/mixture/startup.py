@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.blobs import FOREGROUND, NONE
-from services.detector.regions import Indices
+from heel.schemas.blobs import FOREGROUND, NONE
+from heel.services.detector.regions import Indices
 
 SETTLE_S = 0.16
 """A pixel that has been still for this long is background."""

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.blobs import FOREGROUND, NONE, SHADOW
+from heel.schemas.blobs import FOREGROUND, NONE, SHADOW
 
 _MOG2_SHADOW, _MOG2_FOREGROUND = 127, 255
 

@@ -6,15 +6,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import FrameId, Tracks
-from services.detector.geometry import WorkSize
-from services.detector.mog2.background import BackgroundModel
-from services.detector.mog2.numbers import COMPOSITE, PAPER
-from services.detector.mog2.protection import Protection
-from services.detector.mog2.true_blobs import find_regions
-from services.detector.motion import FrameDifference, mark_moving
-from services.detector.regions import Seen, smoothed
-from services.detector.settings import DetectorSettings
+from heel.schemas import FrameId, Tracks
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.mog2.background import BackgroundModel
+from heel.services.detector.mog2.numbers import COMPOSITE, PAPER
+from heel.services.detector.mog2.protection import Protection
+from heel.services.detector.mog2.true_blobs import find_regions
+from heel.services.detector.motion import FrameDifference, mark_moving
+from heel.services.detector.regions import Seen, smoothed
+from heel.services.detector.settings import DetectorSettings
 
 
 class Mog2Foreground:

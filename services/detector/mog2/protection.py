@@ -12,9 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Track, Tracks
-from schemas.base import Point
-from services.detector.geometry import WorkSize
+from heel.schemas import Track, Tracks
+from heel.schemas.base import Point
+from heel.services.detector.geometry import WorkSize
 
 SPOT_RADIUS = 0.3
 """Farthest a standing person's box wanders, heights."""

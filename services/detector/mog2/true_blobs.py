@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.blobs import FOREGROUND, SHADOW
-from services.detector.geometry import WorkSize
-from services.detector.mog2.numbers import Mog2Numbers
-from services.detector.regions import Region, regions_of
+from heel.schemas.blobs import FOREGROUND, SHADOW
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.mog2.numbers import Mog2Numbers
+from heel.services.detector.regions import Region, regions_of
 
 
 def find_regions(evidence: NDArray[np.uint8], size: WorkSize, numbers: Mog2Numbers) -> list[Region]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from schemas.base import BoxXyxy
-from services.detector.neural.views import View, Views
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.neural.views import View, Views
 
 _NEWCOMER_TURN = 2
 """Somebody without an identity yet waits as long as one who was looked at so many frames ago."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy
-from services.detector.camera_motion import Affine, moved_box
-from services.detector.neural.overlap import iou
-from services.detector.neural.patch_flow import followed, grey_look, likeness
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.camera_motion import Affine, moved_box
+from heel.services.detector.neural.overlap import iou
+from heel.services.detector.neural.patch_flow import followed, grey_look, likeness
 
 _SAME_IOU = 0.3
 """From this overlap on two boxes are of the same person."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from schemas.errors import SettingsError
+from heel.schemas.errors import SettingsError
 
 _PEOPLE = {"person", "persons", "people", "pedestrian", "pedestrians", "human", "humans"}
 _NO_NAME = re.compile(r"(class|cls|c|label|object|item)?[ _-]?\d+")

@@ -11,24 +11,24 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs, FrameId, SettingsError, Tracks
-from schemas.blobs import MAX_BLOBS
-from services.detector.background_detector import SceneKey, camera_motion
-from services.detector.camera_motion import EgoMotion, MotionEstimate
-from services.detector.free_mask import free_mask
-from services.detector.geometry import WorkSize
-from services.detector.interface import Frame
-from services.detector.neural.attention import Attention
-from services.detector.neural.between import Between, Seen
-from services.detector.neural.budget import Budget
-from services.detector.neural.expectation import CameraPath, confirmed_people, newcomers
-from services.detector.neural.known_files import doubtful
-from services.detector.neural.looking import look, nobody, together
-from services.detector.neural.model import Detections, PersonModel
-from services.detector.neural.packing import person_blobs
-from services.detector.neural.views import View, Views
-from services.detector.regions import smoothed
-from services.detector.settings import DetectorSettings
+from heel.schemas import Blobs, FrameId, SettingsError, Tracks
+from heel.schemas.blobs import MAX_BLOBS
+from heel.services.detector.background_detector import SceneKey, camera_motion
+from heel.services.detector.camera_motion import EgoMotion, MotionEstimate
+from heel.services.detector.free_mask import free_mask
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.interface import Frame
+from heel.services.detector.neural.attention import Attention
+from heel.services.detector.neural.between import Between, Seen
+from heel.services.detector.neural.budget import Budget
+from heel.services.detector.neural.expectation import CameraPath, confirmed_people, newcomers
+from heel.services.detector.neural.known_files import doubtful
+from heel.services.detector.neural.looking import look, nobody, together
+from heel.services.detector.neural.model import Detections, PersonModel
+from heel.services.detector.neural.packing import person_blobs
+from heel.services.detector.neural.views import View, Views
+from heel.services.detector.regions import smoothed
+from heel.services.detector.settings import DetectorSettings
 
 _log = logging.getLogger("heel.detector")
 Clock = Callable[[], float]

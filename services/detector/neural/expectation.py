@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from schemas import FrameId, Tracks
-from schemas.base import BoxXyxy
-from services.detector.camera_motion import Affine, compose, moved_box
-from services.detector.free_mask import shift_s
-from services.detector.neural.attention import Expected
-from services.detector.neural.between import Seen
-from services.detector.neural.overlap import iou
+from heel.schemas import FrameId, Tracks
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.camera_motion import Affine, compose, moved_box
+from heel.services.detector.free_mask import shift_s
+from heel.services.detector.neural.attention import Expected
+from heel.services.detector.neural.between import Seen
+from heel.services.detector.neural.overlap import iou
 
 _SAME_IOU = 0.3
 _REMEMBERED_FRAMES = 64

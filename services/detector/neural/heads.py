@@ -16,9 +16,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.errors import SettingsError
-from services.detector.neural.classes import person_classes
-from services.detector.neural.onnx_file import OnnxFile
+from heel.schemas.errors import SettingsError
+from heel.services.detector.neural.classes import person_classes
+from heel.services.detector.neural.onnx_file import OnnxFile
 
 Floats = NDArray[np.float32]
 HeadName = Literal["yolox", "yolox-decoded", "yolov8", "yolov6", "yolov5"]

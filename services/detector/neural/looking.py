@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.detector.neural.model import Detections, PersonModel, without_doubles
-from services.detector.neural.overlap import area, intersection, iou
-from services.detector.neural.views import View, Views
+from heel.services.detector.neural.model import Detections, PersonModel, without_doubles
+from heel.services.detector.neural.overlap import area, intersection, iou
+from heel.services.detector.neural.views import View, Views
 
 _EDGE_SHARE = 0.01
 """Boxes nearer to the edge of a view than this share of its height are cut off by it."""

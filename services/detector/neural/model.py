@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.errors import HeelError, SettingsError
-from services.detector.neural.heads import (
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.detector.neural.heads import (
     BYTES_BGR,
     UNIT_RGB,
     Floats,
@@ -22,8 +22,8 @@ from services.detector.neural.heads import (
     people,
     recognise,
 )
-from services.detector.neural.onnx_file import read_onnx_file
-from services.detector.neural.sheet import PAD_GREY, Sheet
+from heel.services.detector.neural.onnx_file import read_onnx_file
+from heel.services.detector.neural.sheet import PAD_GREY, Sheet
 
 _MOST_MEMORY_BYTES = 4 << 30
 """Weights and all layers; the largest YOLO of the families read here takes about 1 GiB."""

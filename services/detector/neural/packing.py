@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blob, Patch
-from schemas.base import BoxXyxy
-from services.detector.neural.between import Seen
-from services.detector.packing import PATCH_BUDGET_BYTES
+from heel.schemas import Blob, Patch
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.neural.between import Seen
+from heel.services.detector.packing import PATCH_BUDGET_BYTES
 
 _PATCH_ROWS = 96
 """Patches are reduced to at most this height: enough for the colours of clothes."""

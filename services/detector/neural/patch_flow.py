@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy
-from services.detector.camera_motion import Affine, moved_points
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.camera_motion import Affine, moved_points
 
 Floats = NDArray[np.float32]
 

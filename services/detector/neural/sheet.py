@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.detector.neural.heads import Floats
+from heel.services.detector.neural.heads import Floats
 
 PAD_GREY = 114
 _GAP_PX = 8

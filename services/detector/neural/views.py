@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.base import BoxXyxy
+from heel.schemas.base import BoxXyxy
 
 _HEIGHTS = 4.0
 """Height of a view, in heights of the person it is for: they are then about 100 of a network's 416

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.detector.pointed.silhouette import STRIPS, FloatMap
+from heel.services.detector.pointed.silhouette import STRIPS, FloatMap
 
 _LIGHT_BINS, _HUE_BINS = 8, 16
 _BINS = _LIGHT_BINS * _HUE_BINS * _HUE_BINS

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy
-from services.detector.pointed.silhouette import ASPECT, reach
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.pointed.silhouette import ASPECT, reach
 
 _ROWS = 180
 """Pictures are looked at at about this height, pixels."""

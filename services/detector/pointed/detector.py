@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy
-from services.detector.camera_motion import EgoMotion, MotionEstimate
-from services.detector.pointed.contrast import most_contrast
-from services.detector.pointed.evidence import Evidence
-from services.detector.pointed.outline import outline_box
-from services.detector.pointed.person import Person, Sighting
-from services.detector.pointed.upright import looks_upright
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.camera_motion import EgoMotion, MotionEstimate
+from heel.services.detector.pointed.contrast import most_contrast
+from heel.services.detector.pointed.evidence import Evidence
+from heel.services.detector.pointed.outline import outline_box
+from heel.services.detector.pointed.person import Person, Sighting
+from heel.services.detector.pointed.upright import looks_upright
 
 _FORGET_S = 30.0
 _PENDING_S = 5.0

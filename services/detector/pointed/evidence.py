@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy
-from services.detector.pointed.movement import Movement, MovementWatch
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.pointed.movement import Movement, MovementWatch
 
 _QUIET_PX = 100
 """Fewer pixels than this that move are nobody."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.detector.pointed.silhouette import ASPECT, STRIPS, FloatMap, Place, silhouette
+from heel.services.detector.pointed.silhouette import ASPECT, STRIPS, FloatMap, Place, silhouette
 
 _BAND, _BODY, _LEAST_BODY = 0.42, 0.2, 0.1
 """Columns looked at on either side, box widths; likeness of a pixel of the body; and how much of

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from services.detector.pointed.silhouette import FloatMap, Place, silhouette
-from services.detector.pointed.view import PERSON_PX
+from heel.services.detector.pointed.silhouette import FloatMap, Place, silhouette
+from heel.services.detector.pointed.view import PERSON_PX
 
 _FACTORS = (0.9, 0.95, 1.0, 1.05, 1.1)
 _ASIDE, _GROWTH, _OFF_STANCE, _PENALTY = 0.15, 0.06, 0.05, 0.02

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from schemas import Blob, Blobs, FrameId
-from schemas.base import BoxXyxy
-from services.detector.background_detector import camera_motion
-from services.detector.camera_motion import MotionEstimate
-from services.detector.geometry import WorkSize
-from services.detector.interface import Frame
-from services.detector.neural.between import Seen
-from services.detector.neural.packing import person_blobs
-from services.detector.pointed.person import Sighting
+from heel.schemas import Blob, Blobs, FrameId
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.background_detector import camera_motion
+from heel.services.detector.camera_motion import MotionEstimate
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.interface import Frame
+from heel.services.detector.neural.between import Seen
+from heel.services.detector.neural.packing import person_blobs
+from heel.services.detector.pointed.person import Sighting
 
 NAME = "pointed"
 _BEST_SCORE, _UNPROVEN_SCORE, _DOUBTED_SCORE = 0.95, 0.6, 0.5

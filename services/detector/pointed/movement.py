@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy
-from services.detector.camera_motion import Homography, estimate_turn
-from services.detector.pointed.silhouette import ASPECT, reach
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.camera_motion import Homography, estimate_turn
+from heel.services.detector.pointed.silhouette import ASPECT, reach
 
 _HEIGHT = 72
 """Of a body as it is looked at, pixels; below, lengths are heights of the body."""

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy
-from services.detector.pointed.silhouette import ASPECT, reach
-from services.detector.pointed.view import scaled_part
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.pointed.silhouette import ASPECT, reach
+from heel.services.detector.pointed.view import scaled_part
 
 HEIGHT = 72
 """Of the person, as looked at, pixels."""

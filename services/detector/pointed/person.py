@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy
-from services.detector.camera_motion import Affine, moved_box
-from services.detector.pointed.colours import StripColours, colour_bins
-from services.detector.pointed.doubt import Doubt
-from services.detector.pointed.exposure import Exposure
-from services.detector.pointed.extent import End, extent
-from services.detector.pointed.fitting import Fit, best_fit, likeness_at, share_inside
-from services.detector.pointed.search import Found, alike, clearest, elsewhere
-from services.detector.pointed.silhouette import ASPECT, FloatMap, Place, silhouette
-from services.detector.pointed.stance import Stance
-from services.detector.pointed.view import PERSON_PX, View, view_around
+from heel.schemas.base import BoxXyxy
+from heel.services.detector.camera_motion import Affine, moved_box
+from heel.services.detector.pointed.colours import StripColours, colour_bins
+from heel.services.detector.pointed.doubt import Doubt
+from heel.services.detector.pointed.exposure import Exposure
+from heel.services.detector.pointed.extent import End, extent
+from heel.services.detector.pointed.fitting import Fit, best_fit, likeness_at, share_inside
+from heel.services.detector.pointed.search import Found, alike, clearest, elsewhere
+from heel.services.detector.pointed.silhouette import ASPECT, FloatMap, Place, silhouette
+from heel.services.detector.pointed.stance import Stance
+from heel.services.detector.pointed.view import PERSON_PX, View, view_around
 
 _VIEW = (134, 112)
 _LEAST_IN_VIEW = 0.35

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.detector.pointed.colours import StripColours, colour_bins
-from services.detector.pointed.fitting import likeness_at, share_inside, strip_scores
-from services.detector.pointed.silhouette import Place, silhouette
-from services.detector.pointed.stance import Stance
-from services.detector.pointed.view import PERSON_PX, view_around
+from heel.services.detector.pointed.colours import StripColours, colour_bins
+from heel.services.detector.pointed.fitting import likeness_at, share_inside, strip_scores
+from heel.services.detector.pointed.silhouette import Place, silhouette
+from heel.services.detector.pointed.stance import Stance
+from heel.services.detector.pointed.view import PERSON_PX, view_around
 
 _SIZES = np.exp(np.arange(-0.9, 0.61, 0.15))
 """Tried, of the size they had."""

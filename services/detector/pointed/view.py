@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.detector.pointed.silhouette import FloatMap
+from heel.services.detector.pointed.silhouette import FloatMap
 
 PERSON_PX = 56
 """Height of a person in a view, pixels."""

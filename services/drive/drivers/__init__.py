@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib import metadata
 
-from schemas.errors import HeelError, SettingsError
-from services.drive.drivers.base import Driver, OdometryReading
-from services.drive.drivers.log import LogDriver
-from services.drive.drivers.record import RecordDriver
-from services.drive.drivers.simulated import SimulatedDriver
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.drive.drivers.base import Driver, OdometryReading
+from heel.services.drive.drivers.log import LogDriver
+from heel.services.drive.drivers.record import RecordDriver
+from heel.services.drive.drivers.simulated import SimulatedDriver
 
 __all__ = ["ENTRY_POINTS", "Driver", "OdometryReading", "open_driver"]
 

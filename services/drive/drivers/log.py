@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 
-from services.drive.drivers.base import Driver
+from heel.services.drive.drivers.base import Driver
 
 _WORTH_A_LINE = 0.1
 _log = logging.getLogger("heel.drive.wheels")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import time
 
-from schemas.errors import SettingsError
-from services.drive.drivers.base import Driver
+from heel.schemas.errors import SettingsError
+from heel.services.drive.drivers.base import Driver
 
 
 class RecordDriver(Driver):

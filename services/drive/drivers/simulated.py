@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.drive.drivers.base import Driver
+from heel.services.drive.drivers.base import Driver
 
 
 class SimulatedDriver(Driver):

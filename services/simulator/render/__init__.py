@@ -1,4 +1,5 @@
 """The simulated camera's picture: a kept software renderer, and what a real camera adds to it.
 
-Needs the extra `sim`; import `services.simulator.render.renderer` only where pictures are wanted.
+Needs the extra `sim`; import `heel.services.simulator.render.renderer` only where pictures are
+wanted.
 """

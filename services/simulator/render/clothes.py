@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from services.simulator.render.noise import Field, Picture, clouds
-from services.simulator.state import Colour, Outfit
+from heel.services.simulator.render.noise import Field, Picture, clouds
+from heel.services.simulator.state import Colour, Outfit
 
 _SIZE = 128
 _WEAVES = 6

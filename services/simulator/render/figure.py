@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from services.simulator.render import clothes
-from services.simulator.render.materials import texture
-from services.simulator.render.meshes import ellipsoid, loft, node, patch
-from services.simulator.render.panda import core
-from services.simulator.render.stage import SHADOW_SORT
-from services.simulator.state import Colour, PersonState
+from heel.services.simulator.render import clothes
+from heel.services.simulator.render.materials import texture
+from heel.services.simulator.render.meshes import ellipsoid, loft, node, patch
+from heel.services.simulator.render.panda import core
+from heel.services.simulator.render.stage import SHADOW_SORT
+from heel.services.simulator.state import Colour, PersonState
 
 # Of somebody 1 m tall; from the proportions of the drawn canon of eight heads.
 _HIP, _THIGH, _SHIN, _SHOE = 0.53, 0.255, 0.235, 0.045

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from services.simulator.render.noise import Field, Picture, clouds, coloured, grey, streaks
-from services.simulator.state import Floor
+from heel.services.simulator.render.noise import Field, Picture, clouds, coloured, grey, streaks
+from heel.services.simulator.state import Floor
 
 PERIOD_M = 4.0
 """Every ground repeats after so many metres."""

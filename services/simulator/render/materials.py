@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from services.simulator.render.noise import Picture
-from services.simulator.render.panda import core
+from heel.services.simulator.render.noise import Picture
+from heel.services.simulator.render.panda import core
 
 
 def texture(name: str, picture: Picture) -> Any:

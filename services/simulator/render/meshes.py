@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.render.panda import core
-from services.simulator.state import Colour
+from heel.services.simulator.render.panda import core
+from heel.services.simulator.state import Colour
 
 Floats = NDArray[np.float32]
 Section = tuple[float, float, float, float]

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.errors import HeelError
-from services.simulator.render.panda import core
-from services.simulator.state import CameraMount
+from heel.schemas.errors import HeelError
+from heel.services.simulator.render.panda import core
+from heel.services.simulator.state import CameraMount
 
 _SETTINGS = """
 load-display p3tinydisplay

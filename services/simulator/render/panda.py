@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schemas.errors import HeelError
+from heel.schemas.errors import HeelError
 
 try:
     from panda3d import core

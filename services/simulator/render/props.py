@@ -10,12 +10,12 @@ from typing import Any
 import cv2
 import numpy as np
 
-from services.simulator.outfits import dress
-from services.simulator.render import clothes
-from services.simulator.render.materials import texture
-from services.simulator.render.meshes import Section, joined, loft, node, patch
-from services.simulator.render.noise import Picture, clouds, coloured, grey
-from services.simulator.state import Colour, Obstacle, Outfit, PersonState
+from heel.services.simulator.outfits import dress
+from heel.services.simulator.render import clothes
+from heel.services.simulator.render.materials import texture
+from heel.services.simulator.render.meshes import Section, joined, loft, node, patch
+from heel.services.simulator.render.noise import Picture, clouds, coloured, grey
+from heel.services.simulator.state import Colour, Obstacle, Outfit, PersonState
 
 _PAPER = (512, 256)
 _PAPER_M = 2.0

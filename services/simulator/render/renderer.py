@@ -9,13 +9,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.render.clothes import weaves_of
-from services.simulator.render.effects import CameraEffects, CameraFilter
-from services.simulator.render.figure import Figure
-from services.simulator.render.offscreen import OffscreenCamera
-from services.simulator.render.props import mirror_images
-from services.simulator.render.stage import Stage
-from services.simulator.state import CameraMount, Outfit, PersonState, Scenery, WorldView
+from heel.services.simulator.render.clothes import weaves_of
+from heel.services.simulator.render.effects import CameraEffects, CameraFilter
+from heel.services.simulator.render.figure import Figure
+from heel.services.simulator.render.offscreen import OffscreenCamera
+from heel.services.simulator.render.props import mirror_images
+from heel.services.simulator.render.stage import Stage
+from heel.services.simulator.state import CameraMount, Outfit, PersonState, Scenery, WorldView
 
 
 class Renderer:

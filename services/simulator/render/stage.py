@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from services.simulator.render import props, surfaces
-from services.simulator.render.grounds import PERIOD_M, ground
-from services.simulator.render.materials import texture
-from services.simulator.render.meshes import Mesh, joined, loft, node, patch
-from services.simulator.render.noise import Picture
-from services.simulator.render.panda import core
-from services.simulator.state import Obstacle, Scenery
+from heel.services.simulator.render import props, surfaces
+from heel.services.simulator.render.grounds import PERIOD_M, ground
+from heel.services.simulator.render.materials import texture
+from heel.services.simulator.render.meshes import Mesh, joined, loft, node, patch
+from heel.services.simulator.render.noise import Picture
+from heel.services.simulator.render.panda import core
+from heel.services.simulator.state import Obstacle, Scenery
 
 FLOOR_SORT, SHADOW_SORT = 10, 20
 Area = tuple[float, float, float, float]

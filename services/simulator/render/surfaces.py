@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from services.simulator.render.noise import Picture, clouds, coloured, grey, streaks
+from heel.services.simulator.render.noise import Picture, clouds, coloured, grey, streaks
 
 WALL_PERIOD_M = 4.0
 CEILING_PERIOD_M = 2.4

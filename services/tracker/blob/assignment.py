@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from schemas.base import BoxXyxy
-from services.tracker.blob import boxes
+from heel.schemas.base import BoxXyxy
+from heel.services.tracker.blob import boxes
 
 
 def assign(predicted: Sequence[BoxXyxy], seen: Sequence[BoxXyxy]) -> dict[int, int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from schemas.base import BoxXyxy, Point
+from heel.schemas.base import BoxXyxy, Point
 
 
 def width(box: BoxXyxy) -> float:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.base import BoxXyxy
-from services.tracker.blob import boxes
-from services.tracker.blob.lifecycle import Person
-from services.tracker.blob.settings import BlobSettings
-from services.tracker.blob.sighting import Sighting
+from heel.schemas.base import BoxXyxy
+from heel.services.tracker.blob import boxes
+from heel.services.tracker.blob.lifecycle import Person
+from heel.services.tracker.blob.settings import BlobSettings
+from heel.services.tracker.blob.sighting import Sighting
 
 PART_COVER = 0.5
 _REACH = 0.25

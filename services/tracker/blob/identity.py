@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.blob.assignment import solve
-from services.tracker.blob.features import FAMILIES, Features
+from heel.services.tracker.blob.assignment import solve
+from heel.services.tracker.blob.features import FAMILIES, Features
 
 _IMPOSSIBLE = 1e6
 

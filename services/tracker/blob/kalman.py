@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy, Point
-from services.tracker.blob import boxes
-from services.tracker.blob.settings import BlobSettings
+from heel.schemas.base import BoxXyxy, Point
+from heel.services.tracker.blob import boxes
+from heel.services.tracker.blob.settings import BlobSettings
 
 MIN_SIDE_PX = 1.0
 _FIRST_SPEED = 1.0

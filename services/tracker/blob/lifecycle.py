@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from schemas.base import BoxXyxy
-from services.tracker.blob import boxes
-from services.tracker.blob.features import Features
-from services.tracker.blob.kalman import BoxFilter
-from services.tracker.blob.settings import BlobSettings
+from heel.schemas.base import BoxXyxy
+from heel.services.tracker.blob import boxes
+from heel.services.tracker.blob.features import Features
+from heel.services.tracker.blob.kalman import BoxFilter
+from heel.services.tracker.blob.settings import BlobSettings
 
 
 class Person:

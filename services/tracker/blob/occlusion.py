@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from schemas.base import BoxXyxy
-from services.tracker.blob import boxes
+from heel.schemas.base import BoxXyxy
+from heel.services.tracker.blob import boxes
 
 Occlusion = Literal["none", "self", "inter_object"]
 

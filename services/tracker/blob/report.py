@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from schemas import Track
-from schemas.tracks import TrackState
-from services.tracker.blob import boxes
-from services.tracker.blob.clusters import Cluster
-from services.tracker.blob.lifecycle import Person
+from heel.schemas import Track
+from heel.schemas.tracks import TrackState
+from heel.services.tracker.blob import boxes
+from heel.services.tracker.blob.clusters import Cluster
+from heel.services.tracker.blob.lifecycle import Person
 
 
 def tracks_of(clusters: Sequence[Cluster]) -> list[Track]:

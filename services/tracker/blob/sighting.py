@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blobs
-from schemas.base import BoxXyxy
-from services.tracker.blob import boxes
+from heel.schemas import Blobs
+from heel.schemas.base import BoxXyxy
+from heel.services.tracker.blob import boxes
 
 
 @dataclass(frozen=True, slots=True, eq=False)

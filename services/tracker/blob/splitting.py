@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from services.tracker.blob import boxes
-from services.tracker.blob.clusters import Cluster, slots_of
-from services.tracker.blob.features import extract
-from services.tracker.blob.identity import Retention, cost_matrix, retain
-from services.tracker.blob.lifecycle import Person
-from services.tracker.blob.settings import BlobSettings
-from services.tracker.blob.sighting import Sighting
+from heel.services.tracker.blob import boxes
+from heel.services.tracker.blob.clusters import Cluster, slots_of
+from heel.services.tracker.blob.features import extract
+from heel.services.tracker.blob.identity import Retention, cost_matrix, retain
+from heel.services.tracker.blob.lifecycle import Person
+from heel.services.tracker.blob.settings import BlobSettings
+from heel.services.tracker.blob.sighting import Sighting
 
 _UNINFORMATIVE = 1.0
 """Cost of a place among several people, whose pixels are mixed: the mean of all costs."""

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from schemas import Blobs, Track
-from schemas.base import BoxXyxy
-from schemas.tracks import MAX_TRACKS
-from services.tracker.blob import boxes
-from services.tracker.blob.assignment import assign
-from services.tracker.blob.clusters import Cluster, hiding_blob, parts_of
-from services.tracker.blob.features import extract
-from services.tracker.blob.lifecycle import Person
-from services.tracker.blob.occlusion import classify
-from services.tracker.blob.report import tracks_of
-from services.tracker.blob.settings import BlobSettings
-from services.tracker.blob.sighting import Sighting, sightings_of
-from services.tracker.blob.splitting import split
+from heel.schemas import Blobs, Track
+from heel.schemas.base import BoxXyxy
+from heel.schemas.tracks import MAX_TRACKS
+from heel.services.tracker.blob import boxes
+from heel.services.tracker.blob.assignment import assign
+from heel.services.tracker.blob.clusters import Cluster, hiding_blob, parts_of
+from heel.services.tracker.blob.features import extract
+from heel.services.tracker.blob.lifecycle import Person
+from heel.services.tracker.blob.occlusion import classify
+from heel.services.tracker.blob.report import tracks_of
+from heel.services.tracker.blob.settings import BlobSettings
+from heel.services.tracker.blob.sighting import Sighting, sightings_of
+from heel.services.tracker.blob.splitting import split
 
 Pairs = list[tuple[Cluster, Sighting | None]]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from schemas import Blobs
-from schemas.blobs import FOREGROUND
-from services.tracker.fitted.arrays import Box, FloatMap, Image
+from heel.schemas import Blobs
+from heel.schemas.blobs import FOREGROUND
+from heel.services.tracker.fitted.arrays import Box, FloatMap, Image
 
 Look = FloatMap
 """Three parts x three Lab channels x twelve bins; each histogram sums to 1."""

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from services.geometry.calibration_file import Calibration
-from services.geometry.camera import Pinhole
-from services.tracker.fitted.line import Line
+from heel.services.geometry.calibration_file import Calibration
+from heel.services.geometry.camera import Pinhole
+from heel.services.tracker.fitted.line import Line
 
 _PERSON_M = 1.75
 """Somebody in shoes."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from services.tracker.fitted.arrays import FloatMap, Floats, Foot
-from services.tracker.fitted.template import CLUTTER, Template, template
+from heel.services.tracker.fitted.arrays import FloatMap, Floats, Foot
+from heel.services.tracker.fitted.template import CLUTTER, Template, template
 
 _LOG_CLUTTER = float(np.log(CLUTTER))
 _MARGIN_HEIGHTS, _MARGIN_PX = 0.8, 8

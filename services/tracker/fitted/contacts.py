@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from services.tracker.fitted.arrays import Box, overlap
-from services.tracker.fitted.person import Person
+from heel.services.tracker.fitted.arrays import Box, overlap
+from heel.services.tracker.fitted.person import Person
 
 _CONTACT = 0.25
 """Share of the smaller overlap of two boxes from which two people are in contact."""

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from services.tracker.fitted.arrays import FloatMap, Floats, Foot
-from services.tracker.fitted.template import CLUTTER, Template, template
+from heel.services.tracker.fitted.arrays import FloatMap, Floats, Foot
+from heel.services.tracker.fitted.template import CLUTTER, Template, template
 
 _TEMPLATE_ROWS = 15.0
 """Height to which people are reduced: enough to place them to within a few pixels."""

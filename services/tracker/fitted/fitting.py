@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from services.tracker.fitted.arrays import Foot, box_at, overlap
-from services.tracker.fitted.canvas import Canvas, Fit, Window
-from services.tracker.fitted.coverage import Standing, reduce, reduction, standing
-from services.tracker.fitted.person import Person
-from services.tracker.fitted.samples import Sample
-from services.tracker.fitted.scale import SceneScale
+from heel.services.tracker.fitted.arrays import Foot, box_at, overlap
+from heel.services.tracker.fitted.canvas import Canvas, Fit, Window
+from heel.services.tracker.fitted.coverage import Standing, reduce, reduction, standing
+from heel.services.tracker.fitted.person import Person
+from heel.services.tracker.fitted.samples import Sample
+from heel.services.tracker.fitted.scale import SceneScale
 
 _MORE_SWEEPS = 1
 _PENALTY = 0.0075

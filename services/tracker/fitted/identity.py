@@ -13,18 +13,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from services.tracker.fitted.appearance import Gallery, Look
-from services.tracker.fitted.arrays import Floats
-from services.tracker.fitted.contacts import group_of, meet, prior_nats
-from services.tracker.fitted.memory import Lost, Memory
-from services.tracker.fitted.odds import (
+from heel.services.tracker.fitted.appearance import Gallery, Look
+from heel.services.tracker.fitted.arrays import Floats
+from heel.services.tracker.fitted.contacts import group_of, meet, prior_nats
+from heel.services.tracker.fitted.memory import Lost, Memory
+from heel.services.tracker.fitted.odds import (
     UNKNOWN_NATS,
     Verdict,
     among,
     decide,
     look_nats,
 )
-from services.tracker.fitted.person import CERTAIN, Person
+from heel.services.tracker.fitted.person import CERTAIN, Person
 
 _KNOWN_LOOKS, _NEW_LOOKS, _MOST_LOOKS = 4, 3, 8
 _SURE = 0.6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.tracker.fitted.arrays import Floats, Foot
+from heel.services.tracker.fitted.arrays import Floats, Foot
 
 _POSITION, _SPEED = 0.05, 0.8
 """Deviations at birth: heights, heights a second (a brisk walk)."""

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from schemas.blobs import FOREGROUND, MOVING
-from services.tracker.fitted.arrays import Box, Image, overlap
-from services.tracker.fitted.canvas import Canvas, Fit
-from services.tracker.fitted.person import Person
-from services.tracker.settings import TrackerSettings
+from heel.schemas.blobs import FOREGROUND, MOVING
+from heel.services.tracker.fitted.arrays import Box, Image, overlap
+from heel.services.tracker.fitted.canvas import Canvas, Fit
+from heel.services.tracker.fitted.person import Person
+from heel.services.tracker.settings import TrackerSettings
 
 CONFIRM_HITS = 3
 _CONFIRM_MOVED = 0.2

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.fitted.arrays import Floats
+from heel.services.tracker.fitted.arrays import Floats
 
 WIDTH_RATIO = 0.37
 """Width by height of a walking person's box, on average."""

@@ -7,9 +7,9 @@ from collections import OrderedDict
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from services.tracker.fitted.appearance import Gallery
-from services.tracker.fitted.arrays import Floats, Foot, carried
-from services.tracker.fitted.person import Person
+from heel.services.tracker.fitted.appearance import Gallery
+from heel.services.tracker.fitted.arrays import Floats, Foot, carried
+from heel.services.tracker.fitted.person import Person
 
 _KEPT, _KEPT_S = 32, 120.0
 _NEAR, _SPEED = 0.6, 1.2

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from services.tracker.fitted.arrays import Floats
+from heel.services.tracker.fitted.arrays import Floats
 
 _NATS_PER_DISTANCE = 1.0 / 0.03
 UNKNOWN_NATS = 0.24 * _NATS_PER_DISTANCE

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from services.tracker.fitted.appearance import Look
-from services.tracker.fitted.arrays import Box, Floats, Foot, box_at, carried
-from services.tracker.fitted.kalman import FootFilter
-from services.tracker.fitted.scale import SceneScale
+from heel.services.tracker.fitted.appearance import Look
+from heel.services.tracker.fitted.arrays import Box, Floats, Foot, box_at, carried
+from heel.services.tracker.fitted.kalman import FootFilter
+from heel.services.tracker.fitted.scale import SceneScale
 
 _HEIGHT_MEMORY_S = 1.5
 """A height that differs from the scene's line comes back to it with this time constant."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from schemas import Blobs, Track
-from schemas.base import BoxXyxy
-from schemas.tracks import TrackState
-from services.tracker.fitted.arrays import overlap
-from services.tracker.fitted.person import Person
-from services.tracker.fitted.scale import SceneScale
-from services.tracker.settings import TrackerSettings
+from heel.schemas import Blobs, Track
+from heel.schemas.base import BoxXyxy
+from heel.schemas.tracks import TrackState
+from heel.services.tracker.fitted.arrays import overlap
+from heel.services.tracker.fitted.person import Person
+from heel.services.tracker.fitted.scale import SceneScale
+from heel.services.tracker.settings import TrackerSettings
 
 _SIDE, _BELOW = 0.03, 0.02
 """Margin of the box around the silhouette: arms and feet reach out."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from schemas.blobs import FOREGROUND
-from services.tracker.fitted.arrays import Foot, Image
+from heel.schemas.blobs import FOREGROUND
+from heel.services.tracker.fitted.arrays import Foot, Image
 
 _CLOSE = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 7))
 _LOWEST, _HIGHEST = 0.07, 0.75

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from services.tracker.fitted.arrays import FloatMap, Floats
-from services.tracker.fitted.coverage import explained_share, reduce, reduction
-from services.tracker.fitted.line import STEEPEST, WIDTH_RATIO, Line, refined
+from heel.services.tracker.fitted.arrays import FloatMap, Floats
+from heel.services.tracker.fitted.coverage import explained_share, reduce, reduction
+from heel.services.tracker.fitted.line import STEEPEST, WIDTH_RATIO, Line, refined
 
 _TOLERANCE = 0.12
 _FLATTEST = 0.05

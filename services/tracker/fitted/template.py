@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from services.tracker.fitted.arrays import FloatMap
+from heel.services.tracker.fitted.arrays import FloatMap
 
 CLUTTER = 0.05
 """Probability that a pixel is foreground although nobody is there."""

@@ -8,23 +8,23 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from schemas import Blobs, Track
-from schemas.tracks import MAX_TRACKS
-from services.geometry.calibration_file import Calibration
-from services.tracker.fitted.appearance import look_of, painted
-from services.tracker.fitted.arrays import FloatMap, Image
-from services.tracker.fitted.calibrated import line_of
-from services.tracker.fitted.canvas import Canvas, Fit
-from services.tracker.fitted.fitting import (
+from heel.schemas import Blobs, Track
+from heel.schemas.tracks import MAX_TRACKS
+from heel.services.geometry.calibration_file import Calibration
+from heel.services.tracker.fitted.appearance import look_of, painted
+from heel.services.tracker.fitted.arrays import FloatMap, Image
+from heel.services.tracker.fitted.calibrated import line_of
+from heel.services.tracker.fitted.canvas import Canvas, Fit
+from heel.services.tracker.fitted.fitting import (
     births,
     births_without_scale,
     fit_people,
     measure_height,
     shares_in_view,
 )
-from services.tracker.fitted.identity import Identities, Ids
-from services.tracker.fitted.kalman import FootFilter
-from services.tracker.fitted.lifecycle import (
+from heel.services.tracker.fitted.identity import Identities, Ids
+from heel.services.tracker.fitted.kalman import FootFilter
+from heel.services.tracker.fitted.lifecycle import (
     CLUTTER_HEIGHT,
     EARLY_S,
     at_border,
@@ -35,11 +35,11 @@ from services.tracker.fitted.lifecycle import (
     missed_near,
     without_duplicates,
 )
-from services.tracker.fitted.person import Person
-from services.tracker.fitted.report import Reporter
-from services.tracker.fitted.samples import Sample, samples_of
-from services.tracker.fitted.scale import SceneScale
-from services.tracker.settings import TrackerSettings
+from heel.services.tracker.fitted.person import Person
+from heel.services.tracker.fitted.report import Reporter
+from heel.services.tracker.fitted.samples import Sample, samples_of
+from heel.services.tracker.fitted.scale import SceneScale
+from heel.services.tracker.settings import TrackerSettings
 
 _WEIGHT: FloatMap = np.array([0.0, 0.3, 1.0, 1.0, *[0.0] * 252], np.float32)
 """How much each class of the evidence map speaks for a person."""

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.given_boxes.geometry import FloatArray
+from heel.services.tracker.given_boxes.geometry import FloatArray
 
 Patch = NDArray[np.uint8]
 """(H, W, 3) uint8 BGR pixels under a box."""

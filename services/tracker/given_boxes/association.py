@@ -12,9 +12,9 @@ import math
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from services.tracker.given_boxes.geometry import AXES, FloatArray
-from services.tracker.given_boxes.kalman import measurement_variance
-from services.tracker.given_boxes.settings import AssociationSettings, MotionSettings
+from heel.services.tracker.given_boxes.geometry import AXES, FloatArray
+from heel.services.tracker.given_boxes.kalman import measurement_variance
+from heel.services.tracker.given_boxes.settings import AssociationSettings, MotionSettings
 
 REFUSED = -1e6
 

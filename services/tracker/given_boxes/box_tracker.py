@@ -7,32 +7,36 @@ from dataclasses import replace
 
 import numpy as np
 
-from schemas.errors import HeelError
-from services.tracker.given_boxes import kalman
-from services.tracker.given_boxes.association import marginals, newcomer_log_density, pair_log_odds
-from services.tracker.given_boxes.camera_motion import CameraMotion, shift_unseen
-from services.tracker.given_boxes.carry import CameraStep, Carrier
-from services.tracker.given_boxes.contacts import pairs_in_doubt
-from services.tracker.given_boxes.frame import FrameBoxes, checked
-from services.tracker.given_boxes.geometry import (
+from heel.schemas.errors import HeelError
+from heel.services.tracker.given_boxes import kalman
+from heel.services.tracker.given_boxes.association import (
+    marginals,
+    newcomer_log_density,
+    pair_log_odds,
+)
+from heel.services.tracker.given_boxes.camera_motion import CameraMotion, shift_unseen
+from heel.services.tracker.given_boxes.carry import CameraStep, Carrier
+from heel.services.tracker.given_boxes.contacts import pairs_in_doubt
+from heel.services.tracker.given_boxes.frame import FrameBoxes, checked
+from heel.services.tracker.given_boxes.geometry import (
     AXES,
     FloatArray,
     covered_by,
     iou,
     measurements_to_boxes,
 )
-from services.tracker.given_boxes.groups import (
+from heel.services.tracker.given_boxes.groups import (
     Merge,
     choose_merges,
     correct_merged,
     merge_candidates,
 )
-from services.tracker.given_boxes.identity import Identity
-from services.tracker.given_boxes.newcomers import near_enough, newborn
-from services.tracker.given_boxes.recall import Recall
-from services.tracker.given_boxes.score_scale import ScoreScale
-from services.tracker.given_boxes.settings import BoxTrackerSettings
-from services.tracker.given_boxes.track import Track, TrackOutput
+from heel.services.tracker.given_boxes.identity import Identity
+from heel.services.tracker.given_boxes.newcomers import near_enough, newborn
+from heel.services.tracker.given_boxes.recall import Recall
+from heel.services.tracker.given_boxes.score_scale import ScoreScale
+from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
+from heel.services.tracker.given_boxes.track import Track, TrackOutput
 
 _EPSILON_S = 1e-6
 _LEAST_WITNESSES = 2  # people whose surprises tell a motion of the camera from their own

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from services.tracker.given_boxes.geometry import FloatArray
-from services.tracker.given_boxes.settings import CameraSettings, MotionSettings
-from services.tracker.given_boxes.track import Track
+from heel.services.tracker.given_boxes.geometry import FloatArray
+from heel.services.tracker.given_boxes.settings import CameraSettings, MotionSettings
+from heel.services.tracker.given_boxes.track import Track
 
 
 class CameraMotion:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas import CameraMotion
-from services.tracker.given_boxes.geometry import FloatArray
-from services.tracker.given_boxes.track import Track
+from heel.schemas import CameraMotion
+from heel.services.tracker.given_boxes.geometry import FloatArray
+from heel.services.tracker.given_boxes.track import Track
 
 _DRIFT = 0.1
 """Share of a shift that it may be wrong by even if all features agree: near things shift more."""

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.tracker.given_boxes.geometry import FloatArray
-from services.tracker.given_boxes.looks import Gallery, LookModel
-from services.tracker.given_boxes.settings import AppearanceSettings
-from services.tracker.given_boxes.track import Track
+from heel.services.tracker.given_boxes.geometry import FloatArray
+from heel.services.tracker.given_boxes.looks import Gallery, LookModel
+from heel.services.tracker.given_boxes.settings import AppearanceSettings
+from heel.services.tracker.given_boxes.track import Track
 
 _LEAST_LOOKS = 2
 _INDEPENDENT = 4.0  # looks of neighbouring frames repeat each other: more count no more

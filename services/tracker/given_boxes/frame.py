@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.errors import HeelError
-from services.tracker.given_boxes.geometry import FloatArray, boxes_to_measurements
+from heel.schemas.errors import HeelError
+from heel.services.tracker.given_boxes.geometry import FloatArray, boxes_to_measurements
 
 _LEAST_SIDE_PX = 1.0  # thinner boxes are numerical leftovers of clipping
 

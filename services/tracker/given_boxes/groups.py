@@ -16,22 +16,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.given_boxes import kalman
-from services.tracker.given_boxes.association import REFUSED, assign, in_heights, log_student
-from services.tracker.given_boxes.geometry import (
+from heel.services.tracker.given_boxes import kalman
+from heel.services.tracker.given_boxes.association import REFUSED, assign, in_heights, log_student
+from heel.services.tracker.given_boxes.geometry import (
     FloatArray,
     box_area,
     boxes_to_measurements,
     intersection_area,
     measurements_to_boxes,
 )
-from services.tracker.given_boxes.settings import (
+from heel.services.tracker.given_boxes.settings import (
     AssociationSettings,
     BoxTrackerSettings,
     GroupSettings,
     MotionSettings,
 )
-from services.tracker.given_boxes.track import Track
+from heel.services.tracker.given_boxes.track import Track
 
 _UNKNOWN = 1e12  # variance factor of an axis that was not measured
 

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from services.tracker.given_boxes.contacts import Contacts
-from services.tracker.given_boxes.frame import FrameBoxes
-from services.tracker.given_boxes.geometry import FloatArray, crowding
-from services.tracker.given_boxes.looks import LookModel
-from services.tracker.given_boxes.settings import AppearanceSettings
-from services.tracker.given_boxes.track import Track
+from heel.services.tracker.given_boxes.contacts import Contacts
+from heel.services.tracker.given_boxes.frame import FrameBoxes
+from heel.services.tracker.given_boxes.geometry import FloatArray, crowding
+from heel.services.tracker.given_boxes.looks import LookModel
+from heel.services.tracker.given_boxes.settings import AppearanceSettings
+from heel.services.tracker.given_boxes.track import Track
 
 _DOUBTED = 0.9  # identity confidence from which on a doubt is settled
 _MOST_ALIKE = 3.0  # log odds by which another's look can count for more than one's own

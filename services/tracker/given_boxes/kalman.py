@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.tracker.given_boxes.geometry import AXES, FloatArray
-from services.tracker.given_boxes.settings import MotionSettings
+from heel.services.tracker.given_boxes.geometry import AXES, FloatArray
+from heel.services.tracker.given_boxes.settings import MotionSettings
 
 ASPECT = 3
 

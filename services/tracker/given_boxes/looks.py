@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.given_boxes.appearance import LOOK_LENGTH, distances
-from services.tracker.given_boxes.geometry import FloatArray
-from services.tracker.given_boxes.settings import AppearanceSettings
+from heel.services.tracker.given_boxes.appearance import LOOK_LENGTH, distances
+from heel.services.tracker.given_boxes.geometry import FloatArray
+from heel.services.tracker.given_boxes.settings import AppearanceSettings
 
 _PRIOR_SAMPLES = 30.0
 _MOST_SAMPLES = 2000.0

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.tracker.given_boxes.association import assign, marginals
-from services.tracker.given_boxes.geometry import FloatArray
-from services.tracker.given_boxes.settings import MemorySettings, MotionSettings
-from services.tracker.given_boxes.track import Track
+from heel.services.tracker.given_boxes.association import assign, marginals
+from heel.services.tracker.given_boxes.geometry import FloatArray
+from heel.services.tracker.given_boxes.settings import MemorySettings, MotionSettings
+from heel.services.tracker.given_boxes.track import Track
 
 
 @dataclass(frozen=True)

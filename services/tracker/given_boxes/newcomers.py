@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from services.tracker.given_boxes import kalman
-from services.tracker.given_boxes.frame import FrameBoxes
-from services.tracker.given_boxes.geometry import iou
-from services.tracker.given_boxes.settings import BoxTrackerSettings, LifeSettings
-from services.tracker.given_boxes.track import Track
+from heel.services.tracker.given_boxes import kalman
+from heel.services.tracker.given_boxes.frame import FrameBoxes
+from heel.services.tracker.given_boxes.geometry import iou
+from heel.services.tracker.given_boxes.settings import BoxTrackerSettings, LifeSettings
+from heel.services.tracker.given_boxes.track import Track
 
 
 def newborn(

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from schemas import Blobs, Track
-from services.tracker.given_boxes.appearance import describe
-from services.tracker.given_boxes.box_tracker import BoxTracker
-from services.tracker.given_boxes.carry import CameraStep
-from services.tracker.given_boxes.settings import (
+from heel.schemas import Blobs, Track
+from heel.services.tracker.given_boxes.appearance import describe
+from heel.services.tracker.given_boxes.box_tracker import BoxTracker
+from heel.services.tracker.given_boxes.carry import CameraStep
+from heel.services.tracker.given_boxes.settings import (
     AppearanceSettings,
     BoxTrackerSettings,
     LifeSettings,
     MemorySettings,
 )
-from services.tracker.given_boxes.track import TrackOutput
+from heel.services.tracker.given_boxes.track import TrackOutput
 
 PEOPLE_SETTINGS = BoxTrackerSettings(
     life=LifeSettings(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.given_boxes.geometry import FloatArray
-from services.tracker.given_boxes.looks import LookModel
-from services.tracker.given_boxes.memory import Circumstances, claims
-from services.tracker.given_boxes.settings import BoxTrackerSettings
-from services.tracker.given_boxes.track import Track
+from heel.services.tracker.given_boxes.geometry import FloatArray
+from heel.services.tracker.given_boxes.looks import LookModel
+from heel.services.tracker.given_boxes.memory import Circumstances, claims
+from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
+from heel.services.tracker.given_boxes.track import Track
 
 _LOOK_AGAIN_HITS = (8, 24)
 """A newcomer who was not recognised at once is looked at again when there is more to look at."""

@@ -13,7 +13,7 @@ from collections import deque
 
 import numpy as np
 
-from services.tracker.given_boxes.geometry import FloatArray
+from heel.services.tracker.given_boxes.geometry import FloatArray
 
 _REMEMBERED = 500  # boxes; some seconds of a crowd, a minute of one person
 

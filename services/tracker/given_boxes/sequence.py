@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.tracker.given_boxes.appearance import cut_out, describe
-from services.tracker.given_boxes.box_tracker import BoxTracker
-from services.tracker.given_boxes.geometry import FloatArray
-from services.tracker.given_boxes.settings import BoxTrackerSettings
-from services.tracker.given_boxes.track import TrackOutput
+from heel.services.tracker.given_boxes.appearance import cut_out, describe
+from heel.services.tracker.given_boxes.box_tracker import BoxTracker
+from heel.services.tracker.given_boxes.geometry import FloatArray
+from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
+from heel.services.tracker.given_boxes.track import TrackOutput
 
 Picture = Callable[[int], NDArray[np.uint8]]
 """Gives the (H, W, 3) uint8 BGR picture of a frame, by its number from 1."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from services.runtime.settings import StrictSettings
+from heel.services.runtime.settings import StrictSettings
 
 
 class MotionSettings(StrictSettings):

@@ -8,9 +8,9 @@ from enum import Enum
 
 import numpy as np
 
-from services.tracker.given_boxes.geometry import AXES, FloatArray
-from services.tracker.given_boxes.looks import Gallery
-from services.tracker.given_boxes.settings import LifeSettings
+from heel.services.tracker.given_boxes.geometry import AXES, FloatArray
+from heel.services.tracker.given_boxes.looks import Gallery
+from heel.services.tracker.given_boxes.settings import LifeSettings
 
 _EPSILON_S = 1e-6
 _LEAST_CONFIDENCE, _CONFIDENCE_RANGE = 0.52, 0.40

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.ego_cost import SIZE, STEPS, Pictures, measure, row
-from schemas import FrameId
+from heel.schemas import FrameId
 
 
 def wall(frames: int) -> Pictures:

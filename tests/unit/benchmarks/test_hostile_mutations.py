@@ -6,7 +6,7 @@ import msgpack
 import pytest
 
 from benchmarks.hostile.mutations import CAMERA, STAMPED, TOPICS, Mutations, Wire, readable
-from schemas import MotionCommand, Stamp, Tracks, encode, keys
+from heel.schemas import MotionCommand, Stamp, Tracks, encode, keys
 
 PRODUCER = "tracker/main@00000001"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.stopping.rows import Row, write_table
-from schemas.errors import HeelError
+from heel.schemas.errors import HeelError
 
 ORDER = ["camera frozen", "router killed", "emergency stop"]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import pytest
 
-from services.capture.arrivals import CountedArrivals, StampedArrivals
+from heel.services.capture.arrivals import CountedArrivals, StampedArrivals
 
 PERIOD_S = 0.05
 Judge = Callable[[Iterable[tuple[float, float]]], list[tuple[float, float]]]

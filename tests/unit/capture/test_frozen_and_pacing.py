@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.capture.backoff import Backoff
-from services.capture.frozen import NewsWatch
-from services.runtime.pacing import Pacer
+from heel.services.capture.backoff import Backoff
+from heel.services.capture.frozen import NewsWatch
+from heel.services.runtime.pacing import Pacer
 
 A = np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8)
 B = A.copy()

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from schemas.errors import SourceError
-from services.capture.frame_numbers import number_frames
-from services.capture.numbered_pictures import pictures_by_number
-from services.capture.picture_file import Stretch, picture_size, read_picture
-from services.capture.sources import open_source
+from heel.schemas.errors import SourceError
+from heel.services.capture.frame_numbers import number_frames
+from heel.services.capture.numbered_pictures import pictures_by_number
+from heel.services.capture.picture_file import Stretch, picture_size, read_picture
+from heel.services.capture.sources import open_source
 from tests.unit.capture.videos import index_of, picture, write_folder, write_picture, write_video
 
 

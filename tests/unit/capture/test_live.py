@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schemas.errors import SourceError
-from services.capture.backoff import Backoff
-from services.capture.camera import open_stream
-from services.capture.device import Picture, RecordingEnded
-from services.capture.live import LiveSource
-from services.capture.source import SourceStatus, SourceTimeout
+from heel.schemas.errors import SourceError
+from heel.services.capture.backoff import Backoff
+from heel.services.capture.camera import open_stream
+from heel.services.capture.device import Picture, RecordingEnded
+from heel.services.capture.live import LiveSource
+from heel.services.capture.source import SourceStatus, SourceTimeout
 from tests.unit.capture.mjpeg_server import MjpegServer
 from tests.unit.capture.videos import picture
 

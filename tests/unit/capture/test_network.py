@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schemas.errors import SourceError
-from services.capture.camera import open_stream
-from services.capture.source import FrameSource, SourceTimeout
-from services.capture.sources import open_source
-from services.commands.run import is_camera
+from heel.schemas.errors import SourceError
+from heel.services.capture.camera import open_stream
+from heel.services.capture.source import FrameSource, SourceTimeout
+from heel.services.capture.sources import open_source
+from heel.services.commands.run import is_camera
 from tests.unit.capture.http_server import Answer, HttpServer, Request, number_of, numbered_jpeg
 from tests.unit.capture.videos import encode_video, index_of, picture
 

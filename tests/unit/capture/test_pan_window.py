@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schemas import Track, Tracks
-from schemas.errors import SourceError
-from services.capture.pan_window import PanSettings, PanWindow
-from services.capture.steering import STALE_S, Steering
+from heel.schemas import Track, Tracks
+from heel.schemas.errors import SourceError
+from heel.services.capture.pan_window import PanSettings, PanWindow
+from heel.services.capture.steering import STALE_S, Steering
 
 SIZE = (768, 576)
 

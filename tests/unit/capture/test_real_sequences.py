@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from services.capture.sources import open_source
+from heel.services.capture.sources import open_source
 
 DATA = Path(os.environ.get("HEEL_DATA", Path(__file__).parents[4] / "shared" / "data"))
 SEQUENCES = sorted(

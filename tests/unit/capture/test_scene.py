@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from services.capture.scene import Scene, SceneSettings, Truth
+from heel.services.capture.scene import Scene, SceneSettings, Truth
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schemas.errors import SourceError
-from services.capture.pixels import to_bgr8
-from services.capture.scene_source import SceneSource
-from services.capture.sources import open_source
+from heel.schemas.errors import SourceError
+from heel.services.capture.pixels import to_bgr8
+from heel.services.capture.scene_source import SceneSource
+from heel.services.capture.sources import open_source
 from tests.unit.capture.videos import index_of, write_folder, write_video
 
 

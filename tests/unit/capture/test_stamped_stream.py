@@ -10,8 +10,8 @@ import av
 import pytest
 from av.video.stream import VideoStream
 
-from services.capture.camera import open_stream
-from services.capture.source import SourceTimeout
+from heel.services.capture.camera import open_stream
+from heel.services.capture.source import SourceTimeout
 from tests.unit.capture.http_server import HttpServer, Request, number_of, numbered_picture
 
 PATIENCE_S = 20.0

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import SourceError
-from services.capture import camera, sources
-from services.capture.sources import open_source
-from services.capture.video_device import VideoDeviceFormat, device_number, differences
+from heel.schemas.errors import SourceError
+from heel.services.capture import camera, sources
+from heel.services.capture.sources import open_source
+from heel.services.capture.video_device import VideoDeviceFormat, device_number, differences
 
 
 def test_a_device_is_known_by_its_name_and_by_links_to_it(tmp_path: Path) -> None:

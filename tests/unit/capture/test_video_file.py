@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
-from schemas.errors import SourceError
-from services.capture.source import DEFAULT_FPS, plausible_fps
-from services.capture.sources import open_source
-from services.capture.video_file import VideoFileSource
+from heel.schemas.errors import SourceError
+from heel.services.capture.source import DEFAULT_FPS, plausible_fps
+from heel.services.capture.sources import open_source
+from heel.services.capture.video_file import VideoFileSource
 from tests.unit.capture.videos import index_of, write_noise_video, write_video
 
 

@@ -14,11 +14,11 @@ import pytest
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
-from schemas.errors import SourceError
-from services.capture.decoding import upright
-from services.capture.source import Frame
-from services.capture.sources import open_source
-from services.capture.video_file import VideoFileSource
+from heel.schemas.errors import SourceError
+from heel.services.capture.decoding import upright
+from heel.services.capture.source import Frame
+from heel.services.capture.sources import open_source
+from heel.services.capture.video_file import VideoFileSource
 from tests.unit.capture.videos import encode_video, index_of, picture
 
 TOP_FIRST = {"x264-params": "tff=1"}

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schemas.errors import SourceError
-from services.capture.pan_window import PanSettings
-from services.capture.scene_source import open_scene
-from services.capture.source import SourceTimeout
-from services.capture.sources import open_source
-from services.capture.virtual_pan import VirtualPanSource, parse_pan
+from heel.schemas.errors import SourceError
+from heel.services.capture.pan_window import PanSettings
+from heel.services.capture.scene_source import open_scene
+from heel.services.capture.source import SourceTimeout
+from heel.services.capture.sources import open_source
+from heel.services.capture.virtual_pan import VirtualPanSource, parse_pan
 
 SCENE = "scene:demo?seed=3&frames=20"
 

@@ -7,9 +7,9 @@ from typing import Any, cast
 
 import pytest
 
-from schemas import HeelError, MessageError, Target, encode, keys
-from services.commands.robot import ask
-from services.runtime.command_line import run_app
+from heel.schemas import HeelError, MessageError, Target, encode, keys
+from heel.services.commands.robot import ask
+from heel.services.runtime.command_line import run_app
 
 
 def session(*replies: object) -> Any:

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from schemas import SettingsError
-from services.commands import robot
-from services.commands.robot import find
-from services.runtime import registry
-from services.runtime.places import VARIABLE
-from services.runtime.registry import Run, registered
+from heel.schemas import SettingsError
+from heel.services.commands import robot
+from heel.services.commands.robot import find
+from heel.services.runtime import registry
+from heel.services.runtime.places import VARIABLE
+from heel.services.runtime.registry import Run, registered
 
 DEFAULT = "tcp/127.0.0.1:7447"
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from schemas import FollowState, Target
-from services.commands.status import facts
+from heel.schemas import FollowState, Target
+from heel.services.commands.status import facts
 
 STATE = FollowState(
     seq=1, state="idle", reason="no target", estop=False, target=Target(seq=0, mode="none"),

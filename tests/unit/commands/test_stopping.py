@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from schemas import DriveState, EStop, FollowState, Target
-from services.commands.robot_line import Heard
-from services.commands.stopping import is_released, is_stopped, refusal, told_of_stop
-from services.runtime.stop_socket import LocalAnswer
+from heel.schemas import DriveState, EStop, FollowState, Target
+from heel.services.commands.robot_line import Heard
+from heel.services.commands.stopping import is_released, is_stopped, refusal, told_of_stop
+from heel.services.runtime.stop_socket import LocalAnswer
 
 NOW_S = 100.0
 ROUTER = "tcp/127.0.0.1:7447"

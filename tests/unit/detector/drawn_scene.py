@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import FrameId, Track, Tracks
+from heel.schemas import FrameId, Track, Tracks
 
 WIDTH, HEIGHT, FPS = 320, 240, 10
 Person = tuple[int, int, int, int]

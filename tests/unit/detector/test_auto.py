@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schemas import Blobs, Tracks
-from services.detector.core import Detector
-from services.detector.settings import DetectorSettings
+from heel.schemas import Blobs, Tracks
+from heel.services.detector.core import Detector
+from heel.services.detector.settings import DetectorSettings
 from tests.unit.detector.drawn_scene import Person, frame_id, tracks_of
 
 WIDTH, HEIGHT = 320, 240

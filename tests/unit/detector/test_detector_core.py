@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas import Blobs, encode
-from schemas.blobs import FOREGROUND, MAX_BLOBS, MAX_WORK_PIXELS
-from services.detector.core import Detector
-from services.detector.settings import DetectorSettings
+from heel.schemas import Blobs, encode
+from heel.schemas.blobs import FOREGROUND, MAX_BLOBS, MAX_WORK_PIXELS
+from heel.services.detector.core import Detector
+from heel.services.detector.settings import DetectorSettings
 from tests.unit.detector.drawn_scene import (
     HEIGHT,
     WIDTH,

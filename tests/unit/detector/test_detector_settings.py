@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from services.detector.settings import DetectorSettings
+from heel.services.detector.settings import DetectorSettings
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.detector.geometry import WorkSize
+from heel.services.detector.geometry import WorkSize
 
 
 @pytest.mark.parametrize(

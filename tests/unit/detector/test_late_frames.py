@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas import Tracks
-from services.detector.free_mask import free_mask
-from services.detector.geometry import WorkSize
-from services.detector.mixture.late import LateFrames
+from heel.schemas import Tracks
+from heel.services.detector.free_mask import free_mask
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.mixture.late import LateFrames
 from tests.unit.detector.drawn_scene import HEIGHT, WIDTH, Person, frame_id, tracks_of
 
 SIZE = WorkSize.of_frame(WIDTH, HEIGHT, 480)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schemas import Blobs
-from schemas.blobs import FOREGROUND, MOVING, NONE, SHADOW
-from services.detector.core import Detector
-from services.detector.settings import DetectorSettings
+from heel.schemas import Blobs
+from heel.schemas.blobs import FOREGROUND, MOVING, NONE, SHADOW
+from heel.services.detector.core import Detector
+from heel.services.detector.settings import DetectorSettings
 from tests.unit.detector.drawn_scene import (
     FPS,
     HEIGHT,

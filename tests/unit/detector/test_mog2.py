@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from services.detector.core import Detector
-from services.detector.geometry import WorkSize
-from services.detector.mog2.protection import Protection
-from services.detector.settings import DetectorSettings
+from heel.services.detector.core import Detector
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.mog2.protection import Protection
+from heel.services.detector.settings import DetectorSettings
 from tests.unit.detector.drawn_scene import (
     HEIGHT,
     WIDTH,

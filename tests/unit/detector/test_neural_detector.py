@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schemas import Blobs, SettingsError, encode
-from schemas.blobs import MAX_BLOBS
-from services.detector import interface
-from services.detector.core import Detector
-from services.detector.interface import Frame
-from services.detector.neural.between import Seen
-from services.detector.neural.packing import person_blobs
-from services.detector.settings import DetectorSettings
+from heel.schemas import Blobs, SettingsError, encode
+from heel.schemas.blobs import MAX_BLOBS
+from heel.services.detector import interface
+from heel.services.detector.core import Detector
+from heel.services.detector.interface import Frame
+from heel.services.detector.neural.between import Seen
+from heel.services.detector.neural.packing import person_blobs
+from heel.services.detector.settings import DetectorSettings
 from tests.unit.detector.drawn_networks import picture, red_finder
 from tests.unit.detector.drawn_scene import frame_id
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas import SettingsError
-from services.detector.neural.heads import Head, cells, people, recognise
-from services.detector.neural.onnx_file import OnnxFile
+from heel.schemas import SettingsError
+from heel.services.detector.neural.heads import Head, cells, people, recognise
+from heel.services.detector.neural.onnx_file import OnnxFile
 
 SIDE = 96
 CELLS = cells(SIDE, SIDE)

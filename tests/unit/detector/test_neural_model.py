@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas import SettingsError
-from services.detector.neural.heads import Head, HeadName, cells, people
-from services.detector.neural.model import PersonModel, without_doubles
+from heel.schemas import SettingsError
+from heel.services.detector.neural.heads import Head, HeadName, cells, people
+from heel.services.detector.neural.model import PersonModel, without_doubles
 from tests.unit.detector.drawn_networks import BOX, SIDE, Kind, picture, red_finder, saved
 
 onnx = pytest.importorskip("onnx")

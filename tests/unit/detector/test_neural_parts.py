@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.detector.neural.attention import Attention, Expected
-from services.detector.neural.between import Between, Seen
-from services.detector.neural.budget import Budget, Looks
-from services.detector.neural.looking import together
-from services.detector.neural.model import Detections
-from services.detector.neural.patch_flow import followed
-from services.detector.neural.views import View, Views
+from heel.services.detector.neural.attention import Attention, Expected
+from heel.services.detector.neural.between import Between, Seen
+from heel.services.detector.neural.budget import Budget, Looks
+from heel.services.detector.neural.looking import together
+from heel.services.detector.neural.model import Detections
+from heel.services.detector.neural.patch_flow import followed
+from heel.services.detector.neural.views import View, Views
 
 FRAME, INPUT = (960, 540), (416, 416)
 STILL = np.eye(2, 3)

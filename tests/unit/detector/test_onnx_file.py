@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas import SettingsError
-from services.detector.neural import known_files
-from services.detector.neural.model import PersonModel
-from services.detector.neural.onnx_file import read_onnx_file
+from heel.schemas import SettingsError
+from heel.services.detector.neural import known_files
+from heel.services.detector.neural.model import PersonModel
+from heel.services.detector.neural.onnx_file import read_onnx_file
 from tests.unit.detector.drawn_networks import picture, red_finder, saved
 
 onnx = pytest.importorskip("onnx")

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schemas import Blobs, Pointed
-from services.detector.core import Detector
-from services.detector.pointed.contrast import most_contrast
-from services.detector.pointed.doubt import Doubt
-from services.detector.pointed.exposure import Exposure
-from services.detector.pointed.outline import outline_box
-from services.detector.pointed.stance import Stance
-from services.detector.settings import DetectorSettings
+from heel.schemas import Blobs, Pointed
+from heel.services.detector.core import Detector
+from heel.services.detector.pointed.contrast import most_contrast
+from heel.services.detector.pointed.doubt import Doubt
+from heel.services.detector.pointed.exposure import Exposure
+from heel.services.detector.pointed.outline import outline_box
+from heel.services.detector.pointed.stance import Stance
+from heel.services.detector.settings import DetectorSettings
 from tests.unit.detector.drawn_scene import frame_id
 
 WIDTH, HEIGHT = 480, 360

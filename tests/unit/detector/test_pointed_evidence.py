@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from schemas import Blobs, Pointed
-from services.detector.camera_motion import estimate_turn
-from services.detector.core import Detector
-from services.detector.pointed.evidence import Evidence
-from services.detector.pointed.movement import MovementWatch
-from services.detector.settings import DetectorSettings
+from heel.schemas import Blobs, Pointed
+from heel.services.detector.camera_motion import estimate_turn
+from heel.services.detector.core import Detector
+from heel.services.detector.pointed.evidence import Evidence
+from heel.services.detector.pointed.movement import MovementWatch
+from heel.services.detector.settings import DetectorSettings
 from tests.unit.detector.drawn_scene import FPS, frame_id
 from tests.unit.detector.test_pointed import (
     HEIGHT,

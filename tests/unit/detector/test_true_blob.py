@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from schemas.blobs import FOREGROUND, SHADOW
-from services.detector.geometry import WorkSize
-from services.detector.mog2.numbers import COMPOSITE, PAPER
-from services.detector.mog2.true_blobs import find_regions
+from heel.schemas.blobs import FOREGROUND, SHADOW
+from heel.services.detector.geometry import WorkSize
+from heel.services.detector.mog2.numbers import COMPOSITE, PAPER
+from heel.services.detector.mog2.true_blobs import find_regions
 
 PETS = WorkSize.of_frame(768, 576, 768)
 

@@ -6,10 +6,10 @@ import itertools
 
 import pytest
 
-from schemas import DriveState, MotionCommand
-from services.drive.core import Drive
-from services.drive.settings import DriveSettings
-from services.runtime.streams import PRODUCER_STALE_S
+from heel.schemas import DriveState, MotionCommand
+from heel.services.drive.core import Drive
+from heel.services.drive.settings import DriveSettings
+from heel.services.runtime.streams import PRODUCER_STALE_S
 
 FOLLOWER, OTHER = "follower/main@00000001", "follower/main@00000002"
 

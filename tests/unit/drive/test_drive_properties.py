@@ -8,10 +8,10 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from schemas import DriveState, MotionCommand, decode, encode
-from services.drive.core import Drive
-from services.drive.settings import DriveSettings
-from services.runtime.streams import PRODUCER_STALE_S
+from heel.schemas import DriveState, MotionCommand, decode, encode
+from heel.services.drive.core import Drive
+from heel.services.drive.settings import DriveSettings
+from heel.services.runtime.streams import PRODUCER_STALE_S
 
 _ROUNDING = 1e-9
 _PRODUCERS = ("follower/main@00000001", "follower/main@00000002")

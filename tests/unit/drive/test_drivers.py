@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import HeelError, SettingsError
-from services.drive.drivers import open_driver
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.drive.drivers import open_driver
 
 MODULE = """
-from services.drive.drivers import Driver
+from heel.services.drive.drivers import Driver
 class Board(Driver):
     def __init__(self, options):
         self.options = options

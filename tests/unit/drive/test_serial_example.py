@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.drive.drivers import ENTRY_POINTS, Driver, OdometryReading
+from heel.services.drive.drivers import ENTRY_POINTS, Driver, OdometryReading
 from tests.support.network import wait_until
 from tests.support.processes import REPOSITORY
 

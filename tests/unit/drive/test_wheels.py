@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import pytest
 
-from services.drive.drivers import Driver, OdometryReading
-from services.drive.wheels import DriverError, Wheels
+from heel.services.drive.drivers import Driver, OdometryReading
+from heel.services.drive.wheels import DriverError, Wheels
 from tests.support.network import wait_until
 
 READING = OdometryReading(1.0, 2.0, 0.5, 0.3, 0.1)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from evaluation.alignment import AlignedSequence, FlagRule, align, best_pairs, iou_matrix
-from evaluation.rows import rows_from_array
-from schemas.errors import HeelError
+from heel.evaluation.alignment import AlignedSequence, FlagRule, align, best_pairs, iou_matrix
+from heel.evaluation.rows import rows_from_array
+from heel.schemas.errors import HeelError
 
 A, B = [10, 10, 20, 40], [14, 10, 20, 40]  # IoU of the two is 2/3
 

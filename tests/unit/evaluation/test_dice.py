@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from evaluation.alignment import AlignedSequence, align
-from evaluation.dice import dice_per_frame, mean_dice, union_area
-from evaluation.rows import rows_from_array, rows_from_xyxy
+from heel.evaluation.alignment import AlignedSequence, align
+from heel.evaluation.dice import dice_per_frame, mean_dice, union_area
+from heel.evaluation.rows import rows_from_array, rows_from_xyxy
 
 
 def sequence(

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.following.attention import longest_loss_s, wrong_person_time
-from evaluation.following.comfort import (
+from heel.evaluation.following.attention import longest_loss_s, wrong_person_time
+from heel.evaluation.following.comfort import (
     jerk_p95_mps3,
     minimum_distance_m,
     personal_space_compliance,
 )
-from evaluation.following.evt import EvtScores, evt_scores
-from evaluation.following.habitat import HabitatScores, habitat_scores
-from evaluation.following.log import EpisodeLog
-from evaluation.following.scores import score_episode, summarise
-from schemas import HeelError
+from heel.evaluation.following.evt import EvtScores, evt_scores
+from heel.evaluation.following.habitat import HabitatScores, habitat_scores
+from heel.evaluation.following.log import EpisodeLog
+from heel.evaluation.following.scores import score_episode, summarise
+from heel.schemas import HeelError
 
 TARGET, STRANGER, NOBODY = 0, 1, -1
 ROBOT_RADIUS_M, PERSON_RADIUS_M = 0.25, 0.25

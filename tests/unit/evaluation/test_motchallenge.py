@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.motchallenge import (
+from heel.evaluation.motchallenge import (
     SequenceInfo,
     format_track_row,
     ground_truth_file,
@@ -18,9 +18,9 @@ from evaluation.motchallenge import (
     read_tracks,
     write_tracks,
 )
-from evaluation.plausible import check_size, warn_of_another_size
-from evaluation.rows import BoxRows, rows_from_array, rows_from_xyxy
-from schemas.errors import HeelError
+from heel.evaluation.plausible import check_size, warn_of_another_size
+from heel.evaluation.rows import BoxRows, rows_from_array, rows_from_xyxy
+from heel.schemas.errors import HeelError
 
 GOOD = "1,1,10,20,30,40,1,-1,-1,-1\n"
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from evaluation.panning.episode import Episode, Outcome
-from evaluation.panning.perception import Perception, TrueBoxes
-from evaluation.panning.sequence import Appearance, appearances, follow_everybody
-from evaluation.panning.truth import InWindow, People, in_window, overlap, read_people
-from schemas import FrameId, Track, Tracks
-from schemas.errors import HeelError
-from services.capture.pan_window import PanSettings
+from heel.evaluation.panning.episode import Episode, Outcome
+from heel.evaluation.panning.perception import Perception, TrueBoxes
+from heel.evaluation.panning.sequence import Appearance, appearances, follow_everybody
+from heel.evaluation.panning.truth import InWindow, People, in_window, overlap, read_people
+from heel.schemas import FrameId, Track, Tracks
+from heel.schemas.errors import HeelError
+from heel.services.capture.pan_window import PanSettings
 
 DATA = Path(os.environ.get("HEEL_DATA", Path(__file__).parents[4] / "shared" / "data"))
 PETS = DATA / "PETS09-S2L1"

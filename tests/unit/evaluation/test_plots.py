@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from evaluation.alignment import AlignedSequence, align
-from evaluation.plots import runs, write_plots
-from evaluation.rows import rows_from_array
-from evaluation.scores import tracking_scores
-from evaluation.timeline import ABSENT, MISSED, timeline
-from schemas.errors import HeelError
+from heel.evaluation.alignment import AlignedSequence, align
+from heel.evaluation.plots import runs, write_plots
+from heel.evaluation.rows import rows_from_array
+from heel.evaluation.scores import tracking_scores
+from heel.evaluation.timeline import ABSENT, MISSED, timeline
+from heel.schemas.errors import HeelError
 
 Rows = NDArray[np.float64]
 Draw = Callable[[int], tuple[Rows, Rows]]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 from rich.console import Console
 
-from evaluation.report import (
+from heel.evaluation.report import (
     SequenceScores,
     evaluate,
     evaluate_rows,
@@ -21,7 +21,7 @@ from evaluation.report import (
     scores_json,
     scores_table,
 )
-from schemas.errors import HeelError
+from heel.schemas.errors import HeelError
 
 Rows = NDArray[np.float64]
 Draw = Callable[[int], tuple[Rows, Rows]]

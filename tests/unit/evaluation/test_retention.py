@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluation.alignment import AlignedSequence, align
-from evaluation.retention import Retention, retention
-from evaluation.rows import rows_from_array
+from heel.evaluation.alignment import AlignedSequence, align
+from heel.evaluation.retention import Retention, retention
+from heel.evaluation.rows import rows_from_array
 
 # Where people and outputs stand in the scripts below: one letter is one place, none overlap.
 PLACES = {"a": 0.0, "b": 100.0, "c": 200.0, "d": 300.0}

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.scripted_pan import row
-from evaluation.panning.perception import Pixels, TrueBoxes
-from evaluation.panning.scripted import (
+from heel.evaluation.panning.perception import Pixels, TrueBoxes
+from heel.evaluation.panning.scripted import (
     boxes_shown,
     counted,
     following,
@@ -20,9 +20,9 @@ from evaluation.panning.scripted import (
     play,
     scripted_frames,
 )
-from evaluation.panning.truth import InWindow, People
-from schemas import FrameId, Track, Tracks
-from services.detector.settings import DetectorSettings
+from heel.evaluation.panning.truth import InWindow, People
+from heel.schemas import FrameId, Track, Tracks
+from heel.services.detector.settings import DetectorSettings
 
 DATA = Path(os.environ.get("HEEL_DATA", Path(__file__).parents[4] / "shared" / "data"))
 RECORDING, WINDOW = (400, 300), (200, 150)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluation.rows import BoxRows, rows_from_xyxy
-from evaluation.single_target import single_target_scores
-from schemas.errors import HeelError
+from heel.evaluation.rows import BoxRows, rows_from_xyxy
+from heel.evaluation.single_target import single_target_scores
+from heel.schemas.errors import HeelError
 
 Row = tuple[int, int, float]
 """Frame, identity, x of the left edge of a box 10 wide and 30 high."""

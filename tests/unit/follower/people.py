@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from schemas import Track, Tracks
+from heel.schemas import Track, Tracks
 
 TRACKER = "tracker/main@00000001"
 OTHER_TRACKER = "tracker/main@00000002"

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from schemas import CameraInfo, Odometry, Ranges, TargetRequest, Track, Tracks
-from schemas.robot import RangeSector
-from services.follower.core import Follower
-from services.follower.own_motion import Pose
-from services.follower.settings import FollowerSettings
-from services.geometry.camera import Pinhole
+from heel.schemas import CameraInfo, Odometry, Ranges, TargetRequest, Track, Tracks
+from heel.schemas.robot import RangeSector
+from heel.services.follower.core import Follower
+from heel.services.follower.own_motion import Pose
+from heel.services.follower.settings import FollowerSettings
+from heel.services.geometry.camera import Pinhole
 
 TRACKER = "tracker/main@00000001"
 STEP_S, FRAME_S = 0.02, 0.05

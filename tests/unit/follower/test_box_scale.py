@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from services.follower.box_scale import BoxScale
+from heel.services.follower.box_scale import BoxScale
 
 
 def learned(told_m: float, measured_m: Callable[[float], float], seconds: float) -> BoxScale:

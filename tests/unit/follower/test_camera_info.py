@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from schemas import CameraInfo
-from services.follower.camera_info import CameraInfos, implausible
+from heel.schemas import CameraInfo
+from heel.services.follower.camera_info import CameraInfos, implausible
 
 
 def info(fov_rad: float | None = 1.0, epoch: int = 1, **rest: object) -> CameraInfo:

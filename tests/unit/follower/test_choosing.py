@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from schemas import CameraMotion, Odometry, TargetRequest, Track, Tracks
-from schemas.follow import TargetMode
-from services.follower.core import Follower
-from services.follower.kept import KeptTarget, TargetFile
-from services.follower.pending import PENDING_S
-from services.follower.settings import FollowerSettings
-from services.follower.target import TargetError
+from heel.schemas import CameraMotion, Odometry, TargetRequest, Track, Tracks
+from heel.schemas.follow import TargetMode
+from heel.services.follower.core import Follower
+from heel.services.follower.kept import KeptTarget, TargetFile
+from heel.services.follower.pending import PENDING_S
+from heel.services.follower.settings import FollowerSettings
+from heel.services.follower.target import TargetError
 from tests.unit.follower.people import HEIGHT, OTHER_TRACKER, TRACKER, WIDTH, person, tracks
 
 CLICK = TargetRequest(mode="point", x_px=100.0, y_px=300.0)

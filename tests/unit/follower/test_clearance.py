@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from schemas import Ranges
-from schemas.robot import RangeSector
-from services.follower.clearance import (
+from heel.schemas import Ranges
+from heel.schemas.robot import RangeSector
+from heel.services.follower.clearance import (
     Body,
     Sectors,
     room_before_person_m,

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from schemas import HeelError, MotionCommand, TargetRequest, Track, Tracks
-from services.follower.core import Follower
-from services.follower.settings import FollowerSettings
-from services.follower.target import TargetError
+from heel.schemas import HeelError, MotionCommand, TargetRequest, Track, Tracks
+from heel.services.follower.core import Follower
+from heel.services.follower.settings import FollowerSettings
+from heel.services.follower.target import TargetError
 from tests.unit.follower.people import OTHER_TRACKER, TRACKER, person, tracks
 from tests.unit.follower.walking_world import INFO
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from schemas import Ranges, TargetRequest
-from schemas.robot import RangeSector
-from services.follower.core import Follower
-from services.follower.settings import FollowerSettings
+from heel.schemas import Ranges, TargetRequest
+from heel.schemas.robot import RangeSector
+from heel.services.follower.core import Follower
+from heel.services.follower.settings import FollowerSettings
 from tests.unit.follower.people import TRACKER, person, tracks
 from tests.unit.follower.walking_world import Sample, Walk, World
 

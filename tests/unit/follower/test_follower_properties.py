@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from schemas import (
+from heel.schemas import (
     CameraInfo,
     MotionCommand,
     Odometry,
@@ -19,10 +19,10 @@ from schemas import (
     decode,
     encode,
 )
-from schemas.robot import RangeSector
-from services.follower.core import Follower
-from services.follower.settings import FollowerSettings
-from services.follower.target import TargetError
+from heel.schemas.robot import RangeSector
+from heel.services.follower.core import Follower
+from heel.services.follower.settings import FollowerSettings
+from heel.services.follower.target import TargetError
 from tests.unit.follower.people import OTHER_TRACKER, TRACKER, person, tracks
 from tests.unit.follower.walking_world import INFO
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from schemas.follow import FollowStateName
-from services.follower.settings import FollowerSettings
-from services.follower.sight import judge_sight
-from services.follower.states import Situation, next_state
+from heel.schemas.follow import FollowStateName
+from heel.services.follower.settings import FollowerSettings
+from heel.services.follower.sight import judge_sight
+from heel.services.follower.states import Situation, next_state
 from tests.unit.follower.people import person
 
 SETTINGS = FollowerSettings(confirm_s=0.2, hold_s=1.0, search_s=10.0, max_tracks_age_s=0.25)

@@ -6,8 +6,8 @@ import random
 
 import pytest
 
-from schemas import Taken
-from services.follower.frame_times import SILENT_S, FrameTimes
+from heel.schemas import Taken
+from heel.services.follower.frame_times import SILENT_S, FrameTimes
 from tests.support.arrivals import frame
 
 _CLOCK = "0123abcd-4026531834"

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import pytest
 
-from services.follower.core import Follower
-from services.follower.freshness import Freshness
-from services.follower.settings import FollowerSettings
+from heel.services.follower.core import Follower
+from heel.services.follower.freshness import Freshness
+from heel.services.follower.settings import FollowerSettings
 from tests.unit.follower.people import TRACKER, person, tracks
 
 STEP_S = 0.02

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from schemas import TargetRequest, Track
-from services.follower.core import Follower
-from services.follower.settings import FollowerSettings
+from heel.schemas import TargetRequest, Track
+from heel.services.follower.core import Follower
+from heel.services.follower.settings import FollowerSettings
 from tests.unit.follower.people import OTHER_TRACKER, TRACKER, person, tracks
 
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas import CameraMotion, TargetRequest, Tracks
-from services.follower.core import Follower
-from services.follower.own_motion import Pose
-from services.follower.settings import FollowerSettings
+from heel.schemas import CameraMotion, TargetRequest, Tracks
+from heel.services.follower.core import Follower
+from heel.services.follower.own_motion import Pose
+from heel.services.follower.settings import FollowerSettings
 from tests.unit.follower.people import TRACKER, person, tracks
 from tests.unit.follower.test_follower_motion import circle, straight, zigzag
 from tests.unit.follower.walking_world import Sample, Walk, World

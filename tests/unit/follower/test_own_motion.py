@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from schemas import Odometry
-from services.commands.control import _request
-from services.follower.own_motion import OwnMotion, Pose
-from services.follower.search import Search
+from heel.schemas import Odometry
+from heel.services.commands.control import _request
+from heel.services.follower.own_motion import OwnMotion, Pose
+from heel.services.follower.search import Search
 
 
 def odometry(linear_mps: float, angular_radps: float) -> Odometry:

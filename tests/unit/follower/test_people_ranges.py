@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from schemas import Ranges
-from schemas.robot import RangeSector
-from services.follower.clearance import Sectors
-from services.follower.estimate import PlaceFilter
-from services.follower.own_motion import OwnMotion
-from services.follower.people_ranges import RangesInTime
+from heel.schemas import Ranges
+from heel.schemas.robot import RangeSector
+from heel.services.follower.clearance import Sectors
+from heel.services.follower.estimate import PlaceFilter
+from heel.services.follower.own_motion import OwnMotion
+from heel.services.follower.people_ranges import RangesInTime
 
 SEEN_M, BODY_M = 2.0, 0.2
 

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from schemas import CameraInfo, Odometry, Ranges, RangeSector, TargetRequest
-from services.follower.core import Follower
-from services.follower.settings import FollowerSettings
+from heel.schemas import CameraInfo, Odometry, Ranges, RangeSector, TargetRequest
+from heel.services.follower.core import Follower
+from heel.services.follower.settings import FollowerSettings
 from tests.unit.follower.people import TRACKER, person, tracks
 
 _FAR = person(1, height=60.0)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.follower.limits import LimitedVelocity
+from heel.services.follower.limits import LimitedVelocity
 
 _ROUNDING = 1e-6
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from schemas import CameraInfo, MotionCommand, Odometry, Track, Tracks
-from services.follower.core import Follower
-from services.follower.own_motion import Pose
-from services.geometry.camera import GroundCamera, Pinhole
+from heel.schemas import CameraInfo, MotionCommand, Odometry, Track, Tracks
+from heel.services.follower.core import Follower
+from heel.services.follower.own_motion import Pose
+from heel.services.geometry.camera import GroundCamera, Pinhole
 
 TRACKER = "tracker/main@00000001"
 CAMERA = Pinhole.from_fov(640, 480, math.pi / 2).mounted(0.8, 0.0)

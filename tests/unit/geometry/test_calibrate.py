@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schemas import SettingsError
-from services.capture.describe import mounting
-from services.capture.scene_source import open_scene
-from services.capture.settings import CaptureSettings
-from services.geometry.calibrate import CalibrationError, estimate_mount
-from services.geometry.calibration_file import (
+from heel.schemas import SettingsError
+from heel.services.capture.describe import mounting
+from heel.services.capture.scene_source import open_scene
+from heel.services.capture.settings import CaptureSettings
+from heel.services.geometry.calibrate import CalibrationError, estimate_mount
+from heel.services.geometry.calibration_file import (
     calibration_of,
     read_calibration,
     write_calibration,
 )
-from services.geometry.camera import GroundCamera, Pinhole
+from heel.services.geometry.camera import GroundCamera, Pinhole
 
 SIZE = (640, 480)
 FOV_RAD = math.radians(70)

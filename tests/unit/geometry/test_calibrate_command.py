@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.motchallenge import write_tracks
-from evaluation.rows import rows_from_xyxy
-from schemas import HeelError
-from services.commands.calibrate import calibrate
-from services.geometry.calibration_file import read_calibration
-from services.geometry.camera import Pinhole
+from heel.evaluation.motchallenge import write_tracks
+from heel.evaluation.rows import rows_from_xyxy
+from heel.schemas import HeelError
+from heel.services.commands.calibrate import calibrate
+from heel.services.geometry.calibration_file import read_calibration
+from heel.services.geometry.camera import Pinhole
 
 
 @pytest.fixture

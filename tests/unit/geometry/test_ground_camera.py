@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas import CameraInfo
-from services.geometry.camera import GroundCamera, Pinhole, camera_from_info, focal_length_px
+from heel.schemas import CameraInfo
+from heel.services.geometry.camera import GroundCamera, Pinhole, camera_from_info, focal_length_px
 
 
 def camera(

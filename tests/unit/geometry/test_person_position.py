@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.geometry.camera import GroundCamera, Pinhole
-from services.geometry.person import PersonModel, locate_person
+from heel.services.geometry.camera import GroundCamera, Pinhole
+from heel.services.geometry.person import PersonModel, locate_person
 
 LEVEL = Pinhole.from_fov(640, 480, math.pi / 2)
 MOUNTED = LEVEL.mounted(0.8, 0.0)

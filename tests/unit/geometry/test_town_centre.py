@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schemas import SettingsError
-from services.geometry.calibration_file import read_calibration
+from heel.schemas import SettingsError
+from heel.services.geometry.calibration_file import read_calibration
 
 HEIGHT_M, PITCH, FOCAL_PX = 6.0, math.radians(25.0), 1500.0
 

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from schemas import FollowState, Pose, SimPerson, SimTruth, Target, Track, Tracks
-from schemas.follow import FollowStateName
-from services.run.following import FollowingTally
+from heel.schemas import FollowState, Pose, SimPerson, SimTruth, Target, Track, Tracks
+from heel.schemas.follow import FollowStateName
+from heel.services.run.following import FollowingTally
 
 FRAME_S = 0.1
 TARGET_BOX, OTHER_BOX = (100.0, 100.0, 150.0, 250.0), (300.0, 100.0, 350.0, 250.0)

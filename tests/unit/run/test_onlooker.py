@@ -6,8 +6,8 @@ from typing import Any
 
 import zenoh
 
-from schemas import Pose, SimPerson, SimTruth, Target, TargetRequest, decode, encode
-from services.run.onlooker import Onlooker
+from heel.schemas import Pose, SimPerson, SimTruth, Target, TargetRequest, decode, encode
+from heel.services.run.onlooker import Onlooker
 
 HERE = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
 

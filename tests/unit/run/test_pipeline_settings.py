@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from services.pipeline import load_pipeline
+from heel.services.pipeline import load_pipeline
 
 
 @pytest.mark.parametrize(

@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 import pytest
 
-from schemas import HeelError, MotionCommand, Track, Tracks
-from services.run.folder import DEMO_PREFIX, ScratchFolder, sweep
-from services.run.outputs import RunOutputs
-from services.run.summary import RunSummary
-from services.runtime.row_file import RowFile
+from heel.schemas import HeelError, MotionCommand, Track, Tracks
+from heel.services.run.folder import DEMO_PREFIX, ScratchFolder, sweep
+from heel.services.run.outputs import RunOutputs
+from heel.services.run.summary import RunSummary
+from heel.services.runtime.row_file import RowFile
 
 OLD = {"tracks.txt": "old\n", "commands.csv": "old\n", "summary.json": "{}\n", "annotated.mp4": "x"}
 

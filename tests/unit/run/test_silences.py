@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.run.silence import Silences
+from heel.services.run.silence import Silences
 
 
 def test_the_longest_silence_is_named_once_it_is_too_long() -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from schemas import Health
-from services.runtime.chain import CHAIN, MAX_PARTS, ChainWatch, page_of
+from heel.schemas import Health
+from heel.services.runtime.chain import CHAIN, MAX_PARTS, ChainWatch, page_of
 
 BEAT_S = 0.25
 

@@ -14,9 +14,9 @@ import typer
 from pydantic import Field
 from typer.testing import CliRunner, Result
 
-from schemas.errors import HeelError, SettingsError
-from services.runtime.command_line import hide_password, run_app, settings_command
-from services.runtime.settings import Endpoints, Loaded, StrictSettings
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.command_line import hide_password, run_app, settings_command
+from heel.services.runtime.settings import Endpoints, Loaded, StrictSettings
 
 
 class Sample(StrictSettings):
@@ -147,8 +147,8 @@ def test_heel_errors_become_one_line_and_an_exit_code(
     [
         (["heel", "web", "--user", "u", "--password", "s3cret"],
          ["heel", "web", "--user", "u"], "s3cret"),
-        (["-m", "services", "web", "--password=s3c=ret", "--port", "1"],
-         ["-m", "services", "web", "--port", "1"], "s3c=ret"),
+        (["-m", "heel", "web", "--password=s3c=ret", "--port", "1"],
+         ["-m", "heel", "web", "--port", "1"], "s3c=ret"),
     ],
 )  # fmt: skip
 def test_a_password_leaves_the_command_line(

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from schemas import (
+from heel.schemas import (
     Blob,
     Blobs,
     CameraMotion,
@@ -23,12 +23,12 @@ from schemas import (
     decode,
     encode,
 )
-from services.detector.core import Detector
-from services.detector.settings import DetectorSettings
-from services.follower.core import Follower
-from services.follower.settings import FollowerSettings
-from services.tracker.core import Tracker
-from services.tracker.settings import TrackerSettings
+from heel.services.detector.core import Detector
+from heel.services.detector.settings import DetectorSettings
+from heel.services.follower.core import Follower
+from heel.services.follower.settings import FollowerSettings
+from heel.services.tracker.core import Tracker
+from heel.services.tracker.settings import TrackerSettings
 from tests.support.extremes import Extremes
 
 _TRACKER = "tracker/main@00000001"

@@ -9,7 +9,7 @@ import pytest
 import zenoh
 from zenoh.shm import ShmProvider, ZShmMut
 
-from services.runtime.frame_memory import FrameMemory
+from heel.services.runtime.frame_memory import FrameMemory
 
 SHARED_MEMORY = Path("/dev/shm")
 LOG = logging.getLogger("heel.test")
@@ -48,7 +48,7 @@ def test_without_shared_memory_frames_go_as_they_are_and_that_is_said_once(
         def default_backend(_bytes: int) -> ShmProvider:
             raise zenoh.ZError("no room")
 
-    monkeypatch.setattr("services.runtime.frame_memory.ShmProvider", Nothing)
+    monkeypatch.setattr("heel.services.runtime.frame_memory.ShmProvider", Nothing)
     memory = FrameMemory(2, LOG)
     assert [memory.hold(FRAME) for _ in range(3)] == [FRAME] * 3
     (record,) = caplog.records

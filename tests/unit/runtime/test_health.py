@@ -10,10 +10,10 @@ from typing import Any, cast
 
 import pytest
 
-from schemas import Health, decode, encode
-from schemas.base import MAX_AGE_NS
-from services.runtime.counters import ServiceStatistics
-from services.runtime.health import HUNG_S, START_S, HealthReporter
+from heel.schemas import Health, decode, encode
+from heel.schemas.base import MAX_AGE_NS
+from heel.services.runtime.counters import ServiceStatistics
+from heel.services.runtime.health import HUNG_S, START_S, HealthReporter
 from tests.support.arrivals import PRODUCER
 from tests.support.network import DEADLINE_S
 
@@ -138,7 +138,7 @@ def test_the_reporter_sends_by_itself_and_ends_with_a_last_message(
     reporter: HealthReporter, statistics: ServiceStatistics, session: FakeSession,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("services.runtime.health.PERIOD_S", 0.01)
+    monkeypatch.setattr("heel.services.runtime.health.PERIOD_S", 0.01)
     statistics.loop(time.monotonic())
     reporter.start()
     payload, encoding = session.sent.get(timeout=DEADLINE_S)

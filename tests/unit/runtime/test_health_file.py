@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from services.runtime.health_file import HealthFile
+from heel.services.runtime.health_file import HealthFile
 
 
 def test_the_last_word_replaces_the_one_before(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
-from services.runtime import qos
-from services.runtime.inbox import Inbox
+from heel.services.runtime import qos
+from heel.services.runtime.inbox import Inbox
 from tests.support.network import DEADLINE_S, wait_for_listener, wait_until
 
 

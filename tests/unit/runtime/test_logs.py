@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.runtime.logs import OncePerSecond, printable, set_up_logging
-from services.runtime.settings import LogSettings
+from heel.services.runtime.logs import OncePerSecond, printable, set_up_logging
+from heel.services.runtime.settings import LogSettings
 
 
 class Terminal(io.StringIO):

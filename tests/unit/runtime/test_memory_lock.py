@@ -7,10 +7,10 @@ import resource
 
 import pytest
 
-from services.runtime import process
-from services.runtime.router import RouterSettings, router_config
-from services.runtime.session import zenoh_config
-from services.runtime.settings import ZenohSettings
+from heel.services.runtime import process
+from heel.services.runtime.router import RouterSettings, router_config
+from heel.services.runtime.session import zenoh_config
+from heel.services.runtime.settings import ZenohSettings
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from services.runtime.passwords import may_hold_unescaped, without_passwords
+from heel.services.runtime.passwords import may_hold_unescaped, without_passwords
 
 
 @pytest.mark.parametrize(

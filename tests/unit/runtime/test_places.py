@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import SettingsError
-from services.runtime.places import private_run, robot_name, run_folder
-from services.runtime.process import PARENT_VARIABLE
-from services.runtime.settings import ZenohSettings
+from heel.schemas.errors import SettingsError
+from heel.services.runtime.places import private_run, robot_name, run_folder
+from heel.services.runtime.process import PARENT_VARIABLE
+from heel.services.runtime.settings import ZenohSettings
 
 
 def test_the_named_folder_is_made_for_its_owner_alone(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 import zenoh
 
-from schemas import EndOfStream, EStop, FollowState, Progress, Stamp, Target, decode
-from schemas.base import MAX_AGE_NS
-from services.runtime import qos
-from services.runtime.publishing import Latched, StreamPublisher
+from heel.schemas import EndOfStream, EStop, FollowState, Progress, Stamp, Target, decode
+from heel.schemas.base import MAX_AGE_NS
+from heel.services.runtime import qos
+from heel.services.runtime.publishing import Latched, StreamPublisher
 from tests.support.arrivals import PRODUCER
 from tests.support.network import DEADLINE_S, collected, wait_until
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.places import VARIABLE
-from services.runtime.registry import Run, registered, runs
+from heel.services.runtime.places import VARIABLE
+from heel.services.runtime.registry import Run, registered, runs
 
 LOG = logging.getLogger("heel.test")
 ENDPOINT = "tcp/127.0.0.1:40001"

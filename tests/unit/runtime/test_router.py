@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from schemas.errors import SettingsError
-from services.runtime.router import RouterSettings, open_private_router, router_config
-from services.runtime.router_log import RouterLog
-from services.runtime.session import MAX_MESSAGE_BYTES, zenoh_config
-from services.runtime.settings import ZenohSettings
+from heel.schemas.errors import SettingsError
+from heel.services.runtime.router import RouterSettings, open_private_router, router_config
+from heel.services.runtime.router_log import RouterLog
+from heel.services.runtime.session import MAX_MESSAGE_BYTES, zenoh_config
+from heel.services.runtime.settings import ZenohSettings
 from tests.support.network import wait_until
 
 WIDE = ("tcp/0.0.0.0:7447",)
@@ -167,7 +167,7 @@ def test_a_query_beyond_the_bound_is_asked_of_nobody() -> None:
 
 
 def test_the_password_of_debug_logs_stays_out_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    from services.runtime import session
+    from heel.services.runtime import session
 
     asked: list[str] = []
     monkeypatch.setattr(session.zenoh, "init_log_from_env_or", asked.append)

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from schemas import Blobs, MessageError, Tracks, decode, encode
-from services.detector.core import Detector
-from services.detector.settings import DetectorSettings
-from services.tracker.core import Tracker
-from services.tracker.settings import TrackerSettings
+from heel.schemas import Blobs, MessageError, Tracks, decode, encode
+from heel.services.detector.core import Detector
+from heel.services.detector.settings import DetectorSettings
+from heel.services.tracker.core import Tracker
+from heel.services.tracker.settings import TrackerSettings
 from tests.support.arrivals import frame
 from tests.support.generated import valid_maps, with_boxes_by_the_frame
 

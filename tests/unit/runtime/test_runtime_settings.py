@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from schemas.errors import SettingsError
-from services.capture.settings import CaptureSettings
-from services.cli import app
-from services.detector.settings import DetectorServiceSettings
-from services.runtime.settings import Loaded, ZenohSettings, load_settings
-from services.tracker.settings import TrackerServiceSettings
+from heel.schemas.errors import SettingsError
+from heel.services.capture.settings import CaptureSettings
+from heel.services.cli import app
+from heel.services.detector.settings import DetectorServiceSettings
+from heel.services.runtime.settings import Loaded, ZenohSettings, load_settings
+from heel.services.tracker.settings import TrackerServiceSettings
 
 Flags = Mapping[str, Mapping[str, object]]
 

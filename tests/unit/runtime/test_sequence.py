@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from services.runtime.sequence import RESUME_S, SequenceWatch
+from heel.services.runtime.sequence import RESUME_S, SequenceWatch
 
 _PERIOD_S = 0.04
 _LAST = 2**63 - 1

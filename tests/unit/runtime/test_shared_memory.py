@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.counters import ServiceStatistics
-from services.runtime.shared_memory import (
+from heel.services.runtime.counters import ServiceStatistics
+from heel.services.runtime.shared_memory import (
     GRACE_S,
     LEAST_POOL_BYTES,
     Ledger,
@@ -29,7 +29,7 @@ POOL_BYTES = LEAST_POOL_BYTES + 8
 SENDER = """
 import os, sys
 from pathlib import Path
-from services.runtime.shared_memory import Ledger
+from heel.services.runtime.shared_memory import Ledger
 folder = Path(sys.argv[1])
 ledger = Ledger(folder)
 with ledger.claiming():
@@ -147,11 +147,11 @@ def test_segments_without_a_name_are_not_locked_any_more(tmp_path: Path) -> None
 def test_a_full_shared_memory_is_a_problem_that_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     statistics = ServiceStatistics()
     watch = SharedMemoryWatch(POOL_BYTES, statistics)
-    monkeypatch.setattr("services.runtime.shared_memory.full_share", lambda: 0.97)
+    monkeypatch.setattr("heel.services.runtime.shared_memory.full_share", lambda: 0.97)
     watch.look(0.0)
     (problem,) = statistics.problems()
     assert "/dev/shm is 97% full" in problem
-    monkeypatch.setattr("services.runtime.shared_memory.full_share", lambda: 0.4)
+    monkeypatch.setattr("heel.services.runtime.shared_memory.full_share", lambda: 0.4)
     watch.look(1.0)
     assert statistics.problems() == []
     assert statistics.details["shared_memory_full"] == "40%"

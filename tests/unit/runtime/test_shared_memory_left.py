@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from services.runtime.shared_memory import remove_own_segments
+from heel.services.runtime.shared_memory import remove_own_segments
 
 HOLDER = """
 import fcntl, sys

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from schemas import EStop
-from services.runtime.stop_latch import StopLatch
+from heel.schemas import EStop
+from heel.services.runtime.stop_latch import StopLatch
 
 A, B = "a" * 16, "b" * 16
 

@@ -7,19 +7,19 @@ import threading
 
 import pytest
 
-from services.runtime.service import stop_signals
+from heel.services.runtime.service import stop_signals
 from tests.support.network import wait_until
 from tests.support.processes import running
 
 _WELL_BEHAVED = """
-from services.runtime.service import stop_signals
+from heel.services.runtime.service import stop_signals
 with stop_signals() as stop:
     print("ready", flush=True)
     raise SystemExit(0 if stop.wait(30) else 9)
 """
 _HUNG = """
 import threading
-from services.runtime.service import stop_signals
+from heel.services.runtime.service import stop_signals
 with stop_signals(0.3) as stop:
     print("ready", flush=True)
     while True:

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from schemas import DriveState, EStop
-from services.runtime.stop_socket import StopSocket, drives_here
+from heel.schemas import DriveState, EStop
+from heel.services.runtime.stop_socket import StopSocket, drives_here
 
 ROBOT = "r1"
 STOP = EStop(engaged=True, source="test", id="a" * 16)

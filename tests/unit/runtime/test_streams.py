@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from schemas import (
+from heel.schemas import (
     EndOfStream,
     Header,
     Message,
@@ -18,11 +18,11 @@ from schemas import (
     Tracks,
     encode,
 )
-from services.runtime import qos
-from services.runtime.counters import ServiceStatistics
-from services.runtime.inbox import Arrival
-from services.runtime.logs import OncePerSecond
-from services.runtime.streams import (
+from heel.services.runtime import qos
+from heel.services.runtime.counters import ServiceStatistics
+from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.logs import OncePerSecond
+from heel.services.runtime.streams import (
     END_HOLD_S,
     PRODUCER_STALE_S,
     ProducerGate,

@@ -9,12 +9,12 @@ from typing import Any, cast
 import pytest
 from pydantic import ValidationError
 
-from schemas import Progress
-from services.follower.core import Follower
-from services.follower.settings import FollowerSettings
-from services.runtime.counters import ServiceStatistics
-from services.runtime.service import ServiceContext
-from services.runtime.settings import ServiceSettings
+from heel.schemas import Progress
+from heel.services.follower.core import Follower
+from heel.services.follower.settings import FollowerSettings
+from heel.services.runtime.counters import ServiceStatistics
+from heel.services.runtime.service import ServiceContext
+from heel.services.runtime.settings import ServiceSettings
 
 
 @pytest.fixture

@@ -8,11 +8,11 @@ from contextlib import ExitStack
 
 import zenoh
 
-from schemas import Progress
-from services.runtime import qos
-from services.runtime.counters import ServiceStatistics
-from services.runtime.publishing import StreamPublisher
-from services.runtime.twins import TwinWatch
+from heel.schemas import Progress
+from heel.services.runtime import qos
+from heel.services.runtime.counters import ServiceStatistics
+from heel.services.runtime.publishing import StreamPublisher
+from heel.services.runtime.twins import TwinWatch
 from tests.support.network import wait_until
 
 _ONE, _OTHER = "drive/main@00000001", "drive/main@00000002"

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from schemas.errors import HeelError, SettingsError
-from services.runtime.router import RouterSettings, is_loopback, open_router, router_config
-from services.runtime.session import open_session, zenoh_config
-from services.runtime.settings import ZenohSettings
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.router import RouterSettings, is_loopback, open_router, router_config
+from heel.services.runtime.session import open_session, zenoh_config
+from heel.services.runtime.settings import ZenohSettings
 from tests.support.network import DEADLINE_S, collected, wait_for_listener
 
 _LOG = logging.getLogger("heel.test")

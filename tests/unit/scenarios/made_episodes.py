@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import signal
 
-from evaluation.following.evt import EvtScores
-from evaluation.following.habitat import HabitatScores
-from evaluation.following.scores import EpisodeScores
-from evaluation.scenarios.parallel import EpisodeTask
-from evaluation.scenarios.report import EpisodeResult
+from heel.evaluation.following.evt import EvtScores
+from heel.evaluation.following.habitat import HabitatScores
+from heel.evaluation.following.scores import EpisodeScores
+from heel.evaluation.scenarios.parallel import EpisodeTask
+from heel.evaluation.scenarios.report import EpisodeResult
 
 
 def scores(following_rate: float = 1.0, wrong_time: float = 0.0) -> EpisodeScores:

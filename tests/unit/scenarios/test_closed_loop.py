@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluation.following.log import EpisodeLog
-from evaluation.scenarios.loop import TRACKS_AGE_MS, ClosedLoop
-from evaluation.scenarios.perception import SimulatedBoxes
-from schemas import (
+from heel.evaluation.following.log import EpisodeLog
+from heel.evaluation.scenarios.loop import TRACKS_AGE_MS, ClosedLoop
+from heel.evaluation.scenarios.perception import SimulatedBoxes
+from heel.schemas import (
     DriveState,
     FrameId,
     MotionCommand,
@@ -20,14 +20,14 @@ from schemas import (
     Track,
     Tracks,
 )
-from services.drive.core import Drive
-from services.drive.settings import DriveSettings
-from services.follower.core import Follower
-from services.follower.settings import FollowerSettings
-from services.simulator.scenarios import scenario
-from services.simulator.state import CameraMount
-from services.simulator.world import World
-from services.tracker.settings import TrackerSettings
+from heel.services.drive.core import Drive
+from heel.services.drive.settings import DriveSettings
+from heel.services.follower.core import Follower
+from heel.services.follower.settings import FollowerSettings
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.state import CameraMount
+from heel.services.simulator.world import World
+from heel.services.tracker.settings import TrackerSettings
 
 MOUNT = CameraMount()
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from evaluation.scenarios.clicks import Aim, click_in
-from evaluation.scenarios.episode import load_stack
+from heel.evaluation.scenarios.clicks import Aim, click_in
+from heel.evaluation.scenarios.episode import load_stack
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from evaluation.scenarios.floor import Floor
-from services.simulator.state import Obstacle
+from heel.evaluation.scenarios.floor import Floor
+from heel.services.simulator.state import Obstacle
 
 
 def box(

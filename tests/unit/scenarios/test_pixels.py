@@ -7,12 +7,12 @@ from pathlib import Path
 import cv2
 import pytest
 
-from evaluation.scenarios.pixels import Camera, Film, RenderedPixels
-from schemas import FollowState, FrameId, Target, Tracks
-from services.detector.settings import DetectorSettings
-from services.simulator.scenarios import scenario
-from services.simulator.state import CameraMount
-from services.tracker.settings import TrackerSettings
+from heel.evaluation.scenarios.pixels import Camera, Film, RenderedPixels
+from heel.schemas import FollowState, FrameId, Target, Tracks
+from heel.services.detector.settings import DetectorSettings
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.state import CameraMount
+from heel.services.tracker.settings import TrackerSettings
 
 MOUNT = CameraMount(width_px=320, height_px=240)
 

@@ -9,13 +9,13 @@ import pytest
 from made_episodes import scores
 from rich.console import Console
 
-from evaluation.scenarios.report import (
+from heel.evaluation.scenarios.report import (
     EpisodeResult,
     make_report,
     report_table,
     write_episodes,
 )
-from schemas import HeelError
+from heel.schemas import HeelError
 
 RESULTS = [
     EpisodeResult(scenario="straight", seed=7, scores=scores()),

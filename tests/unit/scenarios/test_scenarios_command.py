@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from schemas import HeelError
-from services.cli import app
+from heel.schemas import HeelError
+from heel.services.cli import app
 
 SHORT = ["scenarios", "--episodes", "1", "--jobs", "1", "--scenario", "straight", "--seed", "3"]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluation.scenarios.witness import Moment, Witness
-from schemas import FollowState, Pose, SimPerson, SimTruth, Target, Track, Tracks
-from services.simulator.scenarios import scenario
-from services.simulator.state import CameraMount
-from services.simulator.world import World
+from heel.evaluation.scenarios.witness import Moment, Witness
+from heel.schemas import FollowState, Pose, SimPerson, SimTruth, Target, Track, Tracks
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.state import CameraMount
+from heel.services.simulator.world import World
 
 Box = tuple[float, float, float, float]
 TARGET, OTHER, NOBODY = 0, 1, -1

@@ -6,7 +6,7 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-from schemas import (
+from heel.schemas import (
     Blob,
     Blobs,
     CameraInfo,

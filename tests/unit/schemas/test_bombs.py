@@ -12,8 +12,8 @@ from collections.abc import Callable
 import msgpack
 import pytest
 
-from schemas import Blobs, Evidence, Health, Message, MessageError, Stamp, Tracks, decode
-from schemas.tracks import MAX_TRACKS
+from heel.schemas import Blobs, Evidence, Health, Message, MessageError, Stamp, Tracks, decode
+from heel.schemas.tracks import MAX_TRACKS
 from tests.unit.schemas.examples import golden_bytes
 
 _MAX_S = 1.0
@@ -112,7 +112,7 @@ def test_duplicate_keys_give_one_valid_message_of_the_last_value() -> None:
 
 
 def _kind(name: str) -> type[Message]:
-    from schemas import MESSAGES
+    from heel.schemas import MESSAGES
 
     return next(kind for kind in MESSAGES if kind.schema_name == name)
 
@@ -148,7 +148,7 @@ def test_all_bombs_together_stay_below_150_mb() -> None:
     program = textwrap.dedent("""
         import resource, sys
         from tests.unit.schemas import test_bombs as bombs
-        from schemas import MessageError, decode
+        from heel.schemas import MessageError, decode
         def peak_mb(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         before = peak_mb()
         for kind, payload in bombs._BOMBS.values():

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from schemas import (
+from heel.schemas import (
     MESSAGES,
     Blobs,
     EStop,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas import MESSAGES, Header, Message, decode, encode
-from schemas.image import JPEG, RAW, decode_image, encode_image
+from heel.schemas import MESSAGES, Header, Message, decode, encode
+from heel.schemas.image import JPEG, RAW, decode_image, encode_image
 from tests.unit.schemas.examples import (
     EVIDENCE,
     EVIDENCE_ROWS,

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from schemas import Header, MessageError, decode
-from schemas.image import (
+from heel.schemas import Header, MessageError, decode
+from heel.schemas.image import (
     JPEG,
     MAX_IMAGE_BYTES,
     MAX_IMAGE_PIXELS,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from schemas import KeyNameError, keys
+from heel.schemas import KeyNameError, keys
 
 _BAD = {
     "empty": "", "one wildcard": "*", "two wildcards": "**", "wildcard within": "front*",

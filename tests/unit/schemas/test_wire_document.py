@@ -8,10 +8,10 @@ import re
 import pytest
 import zenoh
 
-from schemas import MESSAGES, EndOfStream, Message, Stamp, Track, Tracks, encode, keys
-from schemas.export import json_schemas
-from services.runtime import qos
-from services.runtime.qos import TopicQos
+from heel.schemas import MESSAGES, EndOfStream, Message, Stamp, Track, Tracks, encode, keys
+from heel.schemas.export import json_schemas
+from heel.services.runtime import qos
+from heel.services.runtime.qos import TopicQos
 from tests.support import network
 from tests.support.processes import running
 from tests.support.wire_document import DOCUMENT, named, rewritten, tables

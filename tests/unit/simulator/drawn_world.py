@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.simulator.state import Obstacle, Outfit, PersonState, RobotState, Scenery
+from heel.services.simulator.state import Obstacle, Outfit, PersonState, RobotState, Scenery
 
 OUTFIT = Outfit(
     hair=(30, 20, 200), skin=(40, 30, 220), top=(20, 20, 250), legs=(30, 30, 230),

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from schemas import FrameId
-from services.simulator.scenarios import scenario
-from services.simulator.script import Actor, Scenario
-from services.simulator.solids import Solids
-from services.simulator.state import (
+from heel.schemas import FrameId
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.script import Actor, Scenario
+from heel.services.simulator.solids import Solids
+from heel.services.simulator.state import (
     CameraMount,
     Obstacle,
     ObstacleKind,
@@ -20,9 +20,9 @@ from services.simulator.state import (
     Role,
     Scenery,
 )
-from services.simulator.views import Sight, look
-from services.simulator.walks import Walk
-from services.simulator.world import World
+from heel.services.simulator.views import Sight, look
+from heel.services.simulator.walks import Walk
+from heel.services.simulator.world import World
 
 MOUNT = CameraMount()
 RED = Outfit((30, 26, 28), (224, 180, 150), (200, 30, 30), (40, 40, 44), (28, 26, 26))

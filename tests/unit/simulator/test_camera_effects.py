@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.simulator.render.effects import CameraEffects, CameraFilter
+from heel.services.simulator.render.effects import CameraEffects, CameraFilter
 
 SIZE = (120, 160)
 GREY = np.full((*SIZE, 3), 100, np.uint8)

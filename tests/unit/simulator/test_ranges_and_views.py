@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from services.simulator.sensors import RangeRing
-from services.simulator.solids import Solids, cast_at_discs
-from services.simulator.state import Obstacle, RobotState
-from services.simulator.world import World
+from heel.services.simulator.sensors import RangeRing
+from heel.services.simulator.solids import Solids, cast_at_discs
+from heel.services.simulator.state import Obstacle, RobotState
+from heel.services.simulator.world import World
 from tests.unit.simulator.empty_worlds import MOUNT, actor, box, sight_of, world
 
 ORIGIN = np.zeros(2)

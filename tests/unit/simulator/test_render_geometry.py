@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 pytest.importorskip("panda3d", reason="the extra sim is not installed")
 
-from services.simulator.render.effects import CameraEffects
-from services.simulator.render.renderer import Renderer
-from services.simulator.solids import Solids
-from services.simulator.state import CameraMount, PersonState, RobotState
-from services.simulator.views import look
+from heel.services.simulator.render.effects import CameraEffects
+from heel.services.simulator.render.renderer import Renderer
+from heel.services.simulator.solids import Solids
+from heel.services.simulator.state import CameraMount, PersonState, RobotState
+from heel.services.simulator.views import look
 from tests.unit.simulator.drawn_world import MEADOW, StillWorld, person
 
 FOOT_M = 0.16

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 pytest.importorskip("panda3d", reason="the extra sim is not installed")
 
-from services.runtime.process import memory_mb
-from services.simulator.render.clothes import weaves_of
-from services.simulator.render.effects import CameraEffects
-from services.simulator.render.renderer import Renderer
-from services.simulator.scenarios import scenario
-from services.simulator.state import CameraMount, Floor, Obstacle, RobotState, Scenery
+from heel.services.runtime.process import memory_mb
+from heel.services.simulator.render.clothes import weaves_of
+from heel.services.simulator.render.effects import CameraEffects
+from heel.services.simulator.render.renderer import Renderer
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.state import CameraMount, Floor, Obstacle, RobotState, Scenery
 from tests.unit.simulator.drawn_world import MEADOW, OUTFIT, ROOM, StillWorld, person
 
 MOUNT = CameraMount(width_px=320, height_px=240)

@@ -10,10 +10,10 @@ import math
 import numpy as np
 import pytest
 
-from services.simulator.scenarios import SCENARIOS, scenario
-from services.simulator.solids import Solids
-from services.simulator.state import Outfit, RobotState
-from services.simulator.walks import Leg, Walk
+from heel.services.simulator.scenarios import SCENARIOS, scenario
+from heel.services.simulator.solids import Solids
+from heel.services.simulator.state import Outfit, RobotState
+from heel.services.simulator.walks import Leg, Walk
 from tests.unit.simulator.empty_worlds import Episode, actor, box, follow, world
 
 NAMES = (

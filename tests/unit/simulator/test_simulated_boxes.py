@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schemas import Blobs, decode, encode
-from services.simulator.boxes import DetectorErrors, SimulatedDetector
-from services.simulator.errors import SimulatorError
-from services.simulator.outfits import twin_of
-from services.simulator.state import Outfit, RobotState
-from services.simulator.world import World
+from heel.schemas import Blobs, decode, encode
+from heel.services.simulator.boxes import DetectorErrors, SimulatedDetector
+from heel.services.simulator.errors import SimulatorError
+from heel.services.simulator.outfits import twin_of
+from heel.services.simulator.state import Outfit, RobotState
+from heel.services.simulator.world import World
 from tests.unit.simulator.empty_worlds import (
     BLUE,
     MOUNT,

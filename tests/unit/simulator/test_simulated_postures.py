@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from services.simulator.posture_scenarios import POSTURES
-from services.simulator.scenarios import scenario
-from services.simulator.solids import Solids
-from services.simulator.state import CameraMount
-from services.simulator.views import look
-from services.simulator.world import World
+from heel.services.simulator.posture_scenarios import POSTURES
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.solids import Solids
+from heel.services.simulator.state import CameraMount
+from heel.services.simulator.views import look
+from heel.services.simulator.world import World
 
 LEAST_TALL = {
     "posture-bend": 0.62, "posture-tie": 0.55, "posture-crouch": 0.52, "posture-chair": 0.74,

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from schemas import DriveState, HeelError, SimTruth, SimWorld
-from services.simulator.scenarios import scenario
-from services.simulator.settings import SimulatorSettings
-from services.simulator.state import CameraMount
-from services.simulator.truth_file import open_truth
-from services.simulator.wheels import TIMEOUT_S, Wheels
+from heel.schemas import DriveState, HeelError, SimTruth, SimWorld
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.settings import SimulatorSettings
+from heel.services.simulator.state import CameraMount
+from heel.services.simulator.truth_file import open_truth
+from heel.services.simulator.wheels import TIMEOUT_S, Wheels
 
 
 def told(linear_mps: float) -> DriveState:

@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from schemas import encode
-from services.simulator.boxes import SimulatedDetector
-from services.simulator.errors import SimulatorError
-from services.simulator.robot import RobotBody, drive_arc
-from services.simulator.scenarios import scenario
-from services.simulator.state import RobotState
-from services.simulator.walks import Leg, Walk
-from services.simulator.world import World
+from heel.schemas import encode
+from heel.services.simulator.boxes import SimulatedDetector
+from heel.services.simulator.errors import SimulatorError
+from heel.services.simulator.robot import RobotBody, drive_arc
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.state import RobotState
+from heel.services.simulator.walks import Leg, Walk
+from heel.services.simulator.world import World
 from tests.unit.simulator.empty_worlds import MOUNT, actor, box, frame, world
 
 STEP_S = 0.02

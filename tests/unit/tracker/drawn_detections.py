@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blob, Blobs, CameraMotion, Patch, Track, Tracks
-from services.tracker.core import Tracker
+from heel.schemas import Blob, Blobs, CameraMotion, Patch, Track, Tracks
+from heel.services.tracker.core import Tracker
 
 WIDTH, HEIGHT = 640, 480
 TALL, WIDE = 200, 80

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blob, Blobs, Evidence, Patch, Track, Tracks
-from schemas.base import BoxXyxy
-from schemas.blobs import FOREGROUND, MOVING
-from services.tracker.blob import boxes
-from services.tracker.core import Tracker
+from heel.schemas import Blob, Blobs, Evidence, Patch, Track, Tracks
+from heel.schemas.base import BoxXyxy
+from heel.schemas.blobs import FOREGROUND, MOVING
+from heel.services.tracker.blob import boxes
+from heel.services.tracker.core import Tracker
 
 WIDTH, HEIGHT, FPS = 320, 240, 10
 RATIO = 0.37

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas import Blob, Blobs, Evidence, Patch, Tracks
-from schemas.base import BoxXyxy
-from schemas.blobs import FOREGROUND
-from services.tracker.blob import boxes
-from services.tracker.core import Tracker
+from heel.schemas import Blob, Blobs, Evidence, Patch, Tracks
+from heel.schemas.base import BoxXyxy
+from heel.schemas.blobs import FOREGROUND
+from heel.services.tracker.blob import boxes
+from heel.services.tracker.core import Tracker
 
 WIDTH, HEIGHT, FPS = 640, 480, 10
 TALL, WIDE = 120, 40

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from schemas import Blob, Blobs, CameraMotion, Patch, Tracks
-from services.tracker.core import Tracker
-from services.tracker.settings import TrackerSettings
+from heel.schemas import Blob, Blobs, CameraMotion, Patch, Tracks
+from heel.services.tracker.core import Tracker
+from heel.services.tracker.settings import TrackerSettings
 
 _PATCH = Patch.from_array(np.zeros((2, 2, 3), np.uint8))
 

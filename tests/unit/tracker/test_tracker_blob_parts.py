@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schemas.base import BoxXyxy
-from services.tracker.blob import boxes
-from services.tracker.blob.assignment import assign
-from services.tracker.blob.features import FAMILIES, extract
-from services.tracker.blob.identity import cost_matrix, retain
-from services.tracker.blob.kalman import BoxFilter
-from services.tracker.blob.occlusion import aspect_ratio, classify, is_occlusion
-from services.tracker.blob.settings import BlobSettings
+from heel.schemas.base import BoxXyxy
+from heel.services.tracker.blob import boxes
+from heel.services.tracker.blob.assignment import assign
+from heel.services.tracker.blob.features import FAMILIES, extract
+from heel.services.tracker.blob.identity import cost_matrix, retain
+from heel.services.tracker.blob.kalman import BoxFilter
+from heel.services.tracker.blob.occlusion import aspect_ratio, classify, is_occlusion
+from heel.services.tracker.blob.settings import BlobSettings
 
 SETTINGS = BlobSettings()
 PERSON: BoxXyxy = (100.0, 100.0, 140.0, 220.0)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas import SettingsError
-from services.geometry.calibration_file import Calibration
-from services.tracker.core import Tracker, configured
-from services.tracker.fitted.calibrated import line_of
-from services.tracker.fitted.scale import Line, SceneScale
-from services.tracker.settings import TrackerSettings
+from heel.schemas import SettingsError
+from heel.services.geometry.calibration_file import Calibration
+from heel.services.tracker.core import Tracker, configured
+from heel.services.tracker.fitted.calibrated import line_of
+from heel.services.tracker.fitted.scale import Line, SceneScale
+from heel.services.tracker.settings import TrackerSettings
 from tests.unit.tracker.drawn_people import RED, follow, straight
 
 HIGH = Calibration(mount_height_m=8.0, mount_pitch_deg=20.0, horizontal_fov_deg=40.0)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas import Blobs, MessageError, Tracks, decode, encode
-from schemas.blobs import FOREGROUND, MOVING
-from schemas.tracks import MAX_TRACKS
-from services.tracker.core import Tracker
-from services.tracker.settings import TrackerSettings
+from heel.schemas import Blobs, MessageError, Tracks, decode, encode
+from heel.schemas.blobs import FOREGROUND, MOVING
+from heel.schemas.tracks import MAX_TRACKS
+from heel.services.tracker.core import Tracker
+from heel.services.tracker.settings import TrackerSettings
 from tests.unit.tracker.drawn_people import (
     BLUE,
     FPS,

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schemas import Track, Tracks
-from services.tracker.core import Tracker
-from services.tracker.fitted.appearance import Gallery, distance, look_of
-from services.tracker.fitted.identity import Identities, Ids
-from services.tracker.fitted.kalman import FootFilter
-from services.tracker.fitted.person import Person
-from services.tracker.settings import TrackerSettings
+from heel.schemas import Track, Tracks
+from heel.services.tracker.core import Tracker
+from heel.services.tracker.fitted.appearance import Gallery, distance, look_of
+from heel.services.tracker.fitted.identity import Identities, Ids
+from heel.services.tracker.fitted.kalman import FootFilter
+from heel.services.tracker.fitted.person import Person
+from heel.services.tracker.settings import TrackerSettings
 from tests.unit.tracker.drawn_people import (
     BLUE,
     GREEN,

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas.blobs import FOREGROUND, MOVING
-from services.tracker.fitted.canvas import Canvas
-from services.tracker.fitted.kalman import FootFilter
-from services.tracker.fitted.lifecycle import confirm_if_due, is_alive, without_duplicates
-from services.tracker.fitted.person import Person
-from services.tracker.settings import TrackerSettings
+from heel.schemas.blobs import FOREGROUND, MOVING
+from heel.services.tracker.fitted.canvas import Canvas
+from heel.services.tracker.fitted.kalman import FootFilter
+from heel.services.tracker.fitted.lifecycle import confirm_if_due, is_alive, without_duplicates
+from heel.services.tracker.fitted.person import Person
+from heel.services.tracker.settings import TrackerSettings
 
 RATIO, DT_S = 0.37, 0.1
 ROWS, COLUMNS = 240, 320

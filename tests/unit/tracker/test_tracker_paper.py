@@ -7,11 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
-from schemas import Tracks, decode, encode
-from schemas.tracks import MAX_TRACKS
-from services.tracker.blob import boxes
-from services.tracker.core import Tracker
-from services.tracker.settings import TrackerSettings
+from heel.schemas import Tracks, decode, encode
+from heel.schemas.tracks import MAX_TRACKS
+from heel.services.tracker.blob import boxes
+from heel.services.tracker.core import Tracker
+from heel.services.tracker.settings import TrackerSettings
 from tests.unit.tracker.drawn_rectangles import (
     BLUE,
     GREEN,

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.web.joiner import FrameJoiner, Joined
+from heel.services.web.joiner import FrameJoiner, Joined
 from tests.unit.web.web_builders import TRACKER, held, tracks
 
 Step = tuple[Literal["image", "tracks", "due"], int]

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from services.web.guard import HostGuard
+from heel.services.web.guard import HostGuard
 
 LOOPBACK = HostGuard("127.0.0.1", 8470, (), open_to_network=False)
 NAMED = HostGuard("127.0.0.1", 8470, ("robot.local", "robot.example:443"), open_to_network=False)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from schemas import EStop
-from services.web.estop import PageStop
+from heel.schemas import EStop
+from heel.services.web.estop import PageStop
 
 A, B = "a" * 16, "b" * 16
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from services.web.rate import RateLimiter
+from heel.services.web.rate import RateLimiter
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import json
 
-from schemas import DriveState, EndOfStream, Health, MotionCommand
-from services.runtime.chain import MAX_PARTS
-from services.web.status import StatusBoard
+from heel.schemas import DriveState, EndOfStream, Health, MotionCommand
+from heel.services.runtime.chain import MAX_PARTS
+from heel.services.web.status import StatusBoard
 from tests.unit.web.web_builders import follow_state, header
 
 

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import json
 
-from services.web.frames import ViewFrame, describe
-from services.web.joiner import HeldImage, Joined
+from heel.services.web.frames import ViewFrame, describe
+from heel.services.web.joiner import HeldImage, Joined
 from tests.unit.web.web_builders import TRACKER, follow_state, header, held, track, tracks
 
 

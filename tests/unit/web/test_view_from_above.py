@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import json
 
-from schemas import DriveState, Health
-from services.simulator.scenarios import scenario
-from services.simulator.state import CameraMount
-from services.web.above import describe_truth, describe_world
-from services.web.status import StatusBoard
+from heel.schemas import DriveState, Health
+from heel.services.simulator.scenarios import scenario
+from heel.services.simulator.state import CameraMount
+from heel.services.web.above import describe_truth, describe_world
+from heel.services.web.status import StatusBoard
 
 
 def test_world_and_truth_are_plain_json_of_bounded_size() -> None:

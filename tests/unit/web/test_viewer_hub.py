@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import asyncio
 
-from services.web.frames import ViewFrame
-from services.web.hub import Hub
+from heel.services.web.frames import ViewFrame
+from heel.services.web.hub import Hub
 
 
 def frame(seq: int) -> ViewFrame:

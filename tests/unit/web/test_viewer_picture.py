@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from schemas import MessageError
-from schemas.image import JPEG, RAW, encode_image, jpeg_size
-from services.web.joiner import HeldImage
-from services.web.picture import to_jpeg
+from heel.schemas import MessageError
+from heel.schemas.image import JPEG, RAW, encode_image, jpeg_size
+from heel.services.web.joiner import HeldImage
+from heel.services.web.picture import to_jpeg
 from tests.unit.web.web_builders import header
 
 

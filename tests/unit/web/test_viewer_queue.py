@@ -1,7 +1,7 @@
 from __future__ import annotations
 
-from services.web.frames import ViewFrame
-from services.web.viewer import ViewerQueue
+from heel.services.web.frames import ViewFrame
+from heel.services.web.viewer import ViewerQueue
 
 
 def frame(seq: int) -> ViewFrame:

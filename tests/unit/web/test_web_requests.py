@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.web.requests import BadRequestError, acknowledged_number, target_request
+from heel.services.web.requests import BadRequestError, acknowledged_number, target_request
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from schemas import SettingsError
-from services.runtime.settings import load_settings
-from services.web.settings import WebServiceSettings
+from heel.schemas import SettingsError
+from heel.services.runtime.settings import load_settings
+from heel.services.web.settings import WebServiceSettings
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.9", "::1", "localhost"])

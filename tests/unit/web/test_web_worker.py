@@ -5,7 +5,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from services.web.worker import BusyError, Worker
+from heel.services.web.worker import BusyError, Worker
 
 
 def test_takes_no_more_than_it_may_and_then_again() -> None:

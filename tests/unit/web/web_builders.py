@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from schemas import FollowState, Header, Target, Track, Tracks
-from schemas.follow import FollowStateName
-from services.web.joiner import HeldImage
+from heel.schemas import FollowState, Header, Target, Track, Tracks
+from heel.schemas.follow import FollowStateName
+from heel.services.web.joiner import HeldImage
 
 TRACKER = "tracker/main@0123abcd"
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from evaluation.motchallenge import read_tracks
-from schemas.errors import HeelError, SettingsError
-from services.cli import app
+from heel.evaluation.motchallenge import read_tracks
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.cli import app
 
 SEQUENCE_FILE = "[Sequence]\nname=two\nframeRate=10\nseqLength=35\nimWidth=640\nimHeight=480\n"
 

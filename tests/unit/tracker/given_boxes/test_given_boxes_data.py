@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.motchallenge import read_ground_truth, write_tracks
-from evaluation.report import SequenceScores, evaluate
-from services.commands.track_detections import read_given, shown_rows
-from services.tracker.given_boxes.sequence import GivenSequence, track_sequence
+from heel.evaluation.motchallenge import read_ground_truth, write_tracks
+from heel.evaluation.report import SequenceScores, evaluate
+from heel.services.commands.track_detections import read_given, shown_rows
+from heel.services.tracker.given_boxes.sequence import GivenSequence, track_sequence
 
 DATA = Path(os.environ.get("HEEL_DATA", Path(__file__).parents[5] / "shared" / "data"))
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.tracker.given_boxes.appearance import LOOK_LENGTH
-from services.tracker.given_boxes.box_tracker import BoxTracker
-from services.tracker.given_boxes.people import PEOPLE_SETTINGS
+from heel.services.tracker.given_boxes.appearance import LOOK_LENGTH
+from heel.services.tracker.given_boxes.box_tracker import BoxTracker
+from heel.services.tracker.given_boxes.people import PEOPLE_SETTINGS
 
 FRAME_S = 0.05
 BOX = np.array([[300.0, 150.0, 380.0, 400.0]])

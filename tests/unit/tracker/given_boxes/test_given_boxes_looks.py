@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.tracker.given_boxes.appearance import LOOK_LENGTH, cut_out, describe, distances
-from services.tracker.given_boxes.contacts import Contacts
-from services.tracker.given_boxes.frame import FrameBoxes
-from services.tracker.given_boxes.geometry import FloatArray
-from services.tracker.given_boxes.identity import Identity
-from services.tracker.given_boxes.looks import Gallery, LookModel, nearest_views
-from services.tracker.given_boxes.settings import AppearanceSettings
-from services.tracker.given_boxes.track import Track
+from heel.services.tracker.given_boxes.appearance import LOOK_LENGTH, cut_out, describe, distances
+from heel.services.tracker.given_boxes.contacts import Contacts
+from heel.services.tracker.given_boxes.frame import FrameBoxes
+from heel.services.tracker.given_boxes.geometry import FloatArray
+from heel.services.tracker.given_boxes.identity import Identity
+from heel.services.tracker.given_boxes.looks import Gallery, LookModel, nearest_views
+from heel.services.tracker.given_boxes.settings import AppearanceSettings
+from heel.services.tracker.given_boxes.track import Track
 from tests.unit.tracker.drawn_detections import BLUE, GREEN, RED, Colours, patch
 
 ALMOST_RED: Colours = ((32, 34, 197), (62, 51, 42))

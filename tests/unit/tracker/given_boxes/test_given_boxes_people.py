@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas import CameraMotion, Track, Tracks
-from services.tracker.core import Tracker
-from services.tracker.settings import TrackerSettings
+from heel.schemas import CameraMotion, Track, Tracks
+from heel.services.tracker.core import Tracker
+from heel.services.tracker.settings import TrackerSettings
 from tests.unit.tracker.drawn_detections import (
     BLUE,
     GREEN,

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from services.tracker.given_boxes.box_tracker import BoxTracker
-from services.tracker.given_boxes.camera_motion import CameraMotion, common_shift
-from services.tracker.given_boxes.geometry import boxes_to_measurements, measurements_to_boxes
-from services.tracker.given_boxes.score_scale import RunningMedian, ScoreScale
-from services.tracker.given_boxes.settings import CameraSettings, MotionSettings
-from services.tracker.given_boxes.track import TrackOutput
+from heel.services.tracker.given_boxes.box_tracker import BoxTracker
+from heel.services.tracker.given_boxes.camera_motion import CameraMotion, common_shift
+from heel.services.tracker.given_boxes.geometry import boxes_to_measurements, measurements_to_boxes
+from heel.services.tracker.given_boxes.score_scale import RunningMedian, ScoreScale
+from heel.services.tracker.given_boxes.settings import CameraSettings, MotionSettings
+from heel.services.tracker.given_boxes.track import TrackOutput
 
 Frame = tuple[NDArray[np.float64], NDArray[np.float64]]
 SEEDS = st.integers(0, 10_000)

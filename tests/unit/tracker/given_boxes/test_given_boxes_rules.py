@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schemas.errors import HeelError
-from services.tracker.given_boxes.box_tracker import BoxTracker
-from services.tracker.given_boxes.track import TrackOutput, TrackState
+from heel.schemas.errors import HeelError
+from heel.services.tracker.given_boxes.box_tracker import BoxTracker
+from heel.services.tracker.given_boxes.track import TrackOutput, TrackState
 
 FPS = 10.0
 WIDTH, HEIGHT = 40.0, 100.0

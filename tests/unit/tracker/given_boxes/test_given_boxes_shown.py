@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.tracker.given_boxes.box_tracker import BoxTracker
-from services.tracker.given_boxes.people import PEOPLE_SETTINGS
-from services.tracker.given_boxes.track import TrackOutput
+from heel.services.tracker.given_boxes.box_tracker import BoxTracker
+from heel.services.tracker.given_boxes.people import PEOPLE_SETTINGS
+from heel.services.tracker.given_boxes.track import TrackOutput
 
 IMAGE = (1000, 500)
 FPS = 10.0

@@ -1,0 +1,1 @@
+"""Person following for robots: one camera, CPU only, Python processes over Zenoh."""
