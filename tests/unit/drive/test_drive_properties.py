@@ -38,7 +38,10 @@ class AnyOrder(RuleBasedStateMachine):
         self.drive = Drive(chosen)
         self.now_s = 100.0
         self.estop = False
+        self.owner: str | None = None
+        """Who is listened to, also while the drive takes nothing."""
         self.producer: str | None = None
+        """Whose numbers count."""
         self.heard_s = -math.inf
         self.seqs = dict.fromkeys(_PRODUCERS, -1)
         self.ends_s = -math.inf
@@ -62,11 +65,11 @@ class AnyOrder(RuleBasedStateMachine):
             reason="target in sight",
         )  # fmt: skip
         taken = self.drive.take(made, producer, self.now_s)
-        believed = self.producer in (None, producer) or self.now_s - self.heard_s > PRODUCER_STALE_S
+        believed = self.owner in (None, producer) or self.now_s - self.heard_s > PRODUCER_STALE_S
         if not believed:
             assert not taken, "two producers at once"
             return
-        self.heard_s = self.now_s
+        self.owner, self.heard_s = producer, self.now_s
         if self._has_hung() or self.now_s < self.deaf_until_s:
             assert not taken, "what waited while the drive hung"
             return
