@@ -32,6 +32,8 @@ from heel.services.tracker.settings import TrackerServiceSettings, TrackerSettin
 REPEATABLE_EPOCH = 1
 """Epoch of lossless runs of recordings, so that their messages are the same bytes every time."""
 _LEAST_VISIBLE = 0.25
+"""Share of a drawn person that is to be seen, below which ground truth is not scored; chosen by
+hand, as people who draw boxes leave out what they can only guess."""
 _TRACKER = "tracker/main@00000000"
 
 
