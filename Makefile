@@ -52,13 +52,13 @@ bench: $(READY)  ## speed, latency and memory, each against something
 	$(BIN)/python -m benchmarks.overhead
 	$(BIN)/python -m benchmarks.realtime
 
-results: $(READY)  ## score everything on all recordings and write docs/results.md and docs/identity.md
-	$(BIN)/python -m benchmarks.accuracy --write docs/results.md
-	$(BIN)/python -m benchmarks.ablation --write docs/results.md
-	$(BIN)/python -m benchmarks.reliability --write docs/identity.md
-	$(BIN)/python -m benchmarks.features --write docs/identity.md
-	$(BIN)/python -m benchmarks.speed --write docs/results.md
-	$(BIN)/python -m benchmarks.frames docs/frames.jpg
+results: $(READY)  ## score everything on all recordings and write docs/records/results.md and docs/records/identity.md
+	$(BIN)/python -m benchmarks.accuracy --write docs/records/results.md
+	$(BIN)/python -m benchmarks.ablation --write docs/records/results.md
+	$(BIN)/python -m benchmarks.reliability --write docs/records/identity.md
+	$(BIN)/python -m benchmarks.features --write docs/records/identity.md
+	$(BIN)/python -m benchmarks.speed --write docs/records/results.md
+	$(BIN)/python -m benchmarks.frames docs/records/frames.jpg
 
 $(PEERS)/ready: pyproject.toml constraints.txt
 	$(CHECK_PYTHON)
@@ -68,8 +68,8 @@ $(PEERS)/ready: pyproject.toml constraints.txt
 	$(PEERS_PIP) --no-deps supervision trackers
 	@touch $@
 
-peers: $(PEERS)/ready  ## score association beside four public trackers and write docs/association.md
-	$(PEERS)/bin/python -m benchmarks.association --write docs/association.md
+peers: $(PEERS)/ready  ## score association beside four public trackers and write docs/records/association.md
+	$(PEERS)/bin/python -m benchmarks.association --write docs/records/association.md
 
 clean:  ## remove the environments and caches
 	rm -rf $(VENV) $(PEERS) .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -3,7 +3,7 @@
 Protocol as in `benchmarks.accuracy`. A calibration file is used where `--calibration` names one for
 recordings whose name begins with the same word, as the data set's does.
 
-Example run: python -m benchmarks.ablation --write docs/results.md
+Example run: python -m benchmarks.ablation --write docs/records/results.md
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Both presets on every static recording, scored: prints the table of docs/results.md.
+"""Both presets on every static recording, scored: prints the table of docs/records/results.md.
 
 Protocol: every frame from the first, online, IoU 0.5, MOT15 ground truth with flag-0 rows left
 out, one setting for all recordings. Beside it stand the paper's claim and the best public figures.
 
-Example run: python -m benchmarks.accuracy --write docs/results.md
+Example run: python -m benchmarks.accuracy --write docs/records/results.md
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The tracker on given boxes beside four public trackers: prints the tables of docs/association.md.
+"""The tracker on given boxes beside four public trackers: tables of docs/records/association.md.
 
 Protocol: boxes of det.txt, every frame from the first, online, IoU 0.5, MOT15 ground truth with
 flag-0 rows left out, one setting for all sequences, no pictures. CPU time is the median of runs in

@@ -1,11 +1,11 @@
-"""What a camera that moves costs: the cost table of docs/moving-camera.md.
+"""What a camera that moves costs: the cost table of docs/records/moving-camera.md.
 
 Frames of 640x480 on one core: the detector `ego` from the frame to its message, with the tracker's
 tracks protecting people, and beside it the ego-motion alone on the same pictures. Decoding and the
 tracker are left out. Two recordings are panned over by a window of that size, two moving cameras'
 pictures are brought to it.
 
-Example run: python -m benchmarks.ego_cost --write docs/moving-camera.md
+Example run: python -m benchmarks.ego_cost --write docs/records/moving-camera.md
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ drawn person on paper, a locker and a coat stand in the colours of clothes, and 
 people, as far as there is room. Beside them stands what becomes of clicks on people, and how often
 what was said of a box was right.
 
-Example run: python -m benchmarks.empty_clicks --worlds 5 --anywhere 16 --write docs/scenarios.md
+Example run:
+    python -m benchmarks.empty_clicks --worlds 5 --anywhere 16 --write docs/records/scenarios.md
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ distances (the paper's S1 and S2). N-way: everybody seen by oneself in a frame i
 2 s later (Kuhn-Munkres). Boxes are the ground truth's, or our own tracks' on the same people; what
 counts of a box is its foreground.
 
-Example run: python -m benchmarks.features --write docs/identity.md
+Example run: python -m benchmarks.features --write docs/records/identity.md
 """
 
 from __future__ import annotations

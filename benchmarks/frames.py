@@ -1,9 +1,9 @@
-"""A good frame and a bad one of our own drawn scene, side by side, for docs/results.md.
+"""A good frame and a bad one of our own drawn scene, side by side, for docs/records/results.md.
 
 Good is the frame with the most people of those without a mistake, bad the one with the most
 mistakes: people missed and boxes on nobody, IoU 0.5.
 
-Example run: python -m benchmarks.frames docs/frames.jpg
+Example run: python -m benchmarks.frames docs/records/frames.jpg
 """
 
 from __future__ import annotations

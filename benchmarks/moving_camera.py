@@ -1,4 +1,4 @@
-"""Cameras that move, and a network that sees people: the tables of docs/moving-camera.md.
+"""Cameras that move, and a network that sees people: the tables of docs/records/moving-camera.md.
 
 Every frame from the first, online, one setting for all recordings. One person: an identity is
 chosen in the first frame in which a shown box is on the target, and held, as

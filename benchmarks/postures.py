@@ -1,7 +1,7 @@
 """Who is not an upright adult, followed with and without ranges and calibration.
 
     python -m benchmarks.postures                         50 episodes of each robot, as a table
-    python -m benchmarks.postures --episodes 200 --write docs/scenarios.md
+    python -m benchmarks.postures --episodes 200 --write docs/records/scenarios.md
 
 Every scenario of `heel scenarios --postures` in turn, with simulated boxes. A row's figures are,
 for each of the four robots, contacts among the episodes, and how near the robot drove to anybody it

@@ -4,7 +4,7 @@ An id belongs to the person it is on most often in the first frames that it is o
 on it is right while it is on that person. Leave-one-out: beside what was right of the boxes of a
 recording that said 0.9 or more stands what the other recordings would have made one expect.
 
-Example run: python -m benchmarks.reliability --write docs/identity.md
+Example run: python -m benchmarks.reliability --write docs/records/identity.md
 """
 
 from __future__ import annotations

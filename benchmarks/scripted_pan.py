@@ -1,11 +1,11 @@
-"""A window that moves over PETS09-S2L1 by a script: its table of docs/moving-camera.md.
+"""A window that moves over PETS09-S2L1 by a script: its table of docs/records/moving-camera.md.
 
 The window is all that detector and tracker see. It goes after one person by the ground truth, or
 from border to border; the protocol is that of `evaluation/panning/scripted.py`. MOG2, whose
 background stands still, is the comparison. Every run but the comparison's has other noise several
 times over: how a scene's scale is learned hangs on details.
 
-Example run: python -m benchmarks.scripted_pan --write docs/moving-camera.md
+Example run: python -m benchmarks.scripted_pan --write docs/records/moving-camera.md
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 `tracks after` is how long a frame's tracks take in the tracker; `looks after` is what is done once
 they are sent: looks, identities, the scene's scale. Without that step tracks would take both.
 
-Example run: python -m benchmarks.speed --write docs/results.md
+Example run: python -m benchmarks.speed --write docs/records/results.md
 """
 
 from __future__ import annotations

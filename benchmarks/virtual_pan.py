@@ -1,4 +1,4 @@
-"""Everybody of real recordings followed by a window that turns: the table of docs/virtual-pan.md.
+"""Every person of real recordings followed by a window that turns: docs/records/virtual-pan.md.
 
 The window of a recording is the robot's picture; detector, tracker, follower and drive are the
 cores that the services run, on a simulated clock, and what the wheels are told turns the window.

@@ -1,7 +1,7 @@
 """Everything that crosses the wire, and nothing else: messages, keys, codec.
 
 A service in another language needs only `heel schema` (the JSON Schema of every message) and
-docs/wire.md.
+docs/reference/wire.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Every command of docs/docker.md, typed as it stands there."""
+"""Every command of docs/guides/docker.md, typed as it stands there."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.docker.engine import REPOSITORY, Project
 
 pytestmark = [pytest.mark.docker, pytest.mark.timeout(360)]
 
-PAGE = (REPOSITORY / "docs" / "docker.md").read_text(encoding="utf-8")
+PAGE = (REPOSITORY / "docs" / "guides" / "docker.md").read_text(encoding="utf-8")
 WIDTH_PX, HEIGHT_PX = 352, 288
 
 

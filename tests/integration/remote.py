@@ -24,7 +24,7 @@ from heel.services.runtime.streams import ProducerGate
 from tests.support.network import wait_until
 from tests.support.processes import REPOSITORY, Running, running
 
-PAGE = (REPOSITORY / "docs" / "remote.md").read_text(encoding="utf-8")
+PAGE = (REPOSITORY / "docs" / "guides" / "remote.md").read_text(encoding="utf-8")
 SCENE = "scene:demo?width=480&height=360"
 UP_S = 40.0
 
@@ -69,7 +69,7 @@ def _ip(*arguments: str) -> bool:
 
 
 class Recipe:
-    """The commands of docs/remote.md, with the test's own addresses in them."""
+    """The commands of docs/guides/remote.md, with the test's own addresses in them."""
 
     def __init__(self, link: Link, port: int, users: Path) -> None:
         self.wide = f"tcp/{link.address}:{port}"

@@ -90,7 +90,7 @@ def test_what_make_results_and_make_bench_call_runs_on_a_drawn_scene(module: str
 
 
 def test_docker_commands_are_those_of_the_docker_page_whose_commands_a_test_types() -> None:
-    page = (REPOSITORY / "docs" / "docker.md").read_text()
+    page = (REPOSITORY / "docs" / "guides" / "docker.md").read_text()
     for line in block_with("docker compose"):
         # In the background there, so that the test goes on.
         assert f"\n{line} -d\n" in page, line

@@ -1,4 +1,4 @@
-"""The tables of docs/wire.md, made from the schemas.
+"""The tables of docs/reference/wire.md, made from the schemas.
 
 `python -m tests.support.wire_document` rewrites them; a test compares.
 """
@@ -13,7 +13,7 @@ from typing import Any
 from heel.schemas.export import json_schemas
 from tests.support.processes import REPOSITORY
 
-DOCUMENT = REPOSITORY / "docs" / "wire.md"
+DOCUMENT = REPOSITORY / "docs" / "reference" / "wire.md"
 _TABLE = re.compile(r"(<!-- fields: ([A-Za-z-]+) -->\n).*?(<!-- end of fields -->)", re.DOTALL)
 _INT63 = 2**63
 

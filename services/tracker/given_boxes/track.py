@@ -186,8 +186,8 @@ class Track:
         confidence = self.confidence
         if not pictures:
             # Fitted by least squares on 8 sequences; left-out sequences keep to it (see
-            # docs/association.md). Marginals of neighbouring frames repeat one doubt, hence the
-            # root; where looks are known they settle it.
+            # docs/records/association.md). Marginals of neighbouring frames repeat one doubt,
+            # hence the root; where looks are known they settle it.
             confidence = _LEAST_CONFIDENCE + _CONFIDENCE_RANGE * math.sqrt(self.confidence)
         return TrackOutput(
             track_id=self.track_id,

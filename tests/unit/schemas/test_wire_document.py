@@ -1,4 +1,4 @@
-"""docs/wire.md and `heel schema` say what the code does, and the example in it works."""
+"""docs/reference/wire.md and `heel schema` say what the code does, and the example in it works."""
 
 from __future__ import annotations
 
