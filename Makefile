@@ -13,7 +13,7 @@ define CHECK_PYTHON
 	|| { echo "Heel needs Python 3.11 or newer: make PYTHON=/path/to/python3.11 ..."; exit 1; }
 endef
 
-.PHONY: help demo test check lint types test-docker test-slow bench results peers clean
+.PHONY: help demo test check lint layers types test-docker test-slow bench results peers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
@@ -43,10 +43,13 @@ lint: $(READY)  ## style
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
+layers: $(READY)  ## which module may import which
+	$(BIN)/lint-imports --no-cache
+
 types: $(READY)  ## types
 	$(BIN)/mypy
 
-check: lint types test  ## everything but Docker and the slow tests
+check: lint layers types test  ## everything but Docker and the slow tests
 
 bench: $(READY)  ## speed, latency and memory, each against something
 	$(BIN)/python -m benchmarks.overhead

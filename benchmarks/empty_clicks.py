@@ -21,8 +21,8 @@ import cv2
 import typer
 
 from benchmarks.common import Figure, publish, write_json
-from heel.evaluation.scenarios.clicks import AIMS, WORLDS, Aim, Outcome, click_in
-from heel.evaluation.scenarios.episode import StackSettings, load_stack
+from heel.services.loops.scenarios.clicks import AIMS, WORLDS, Aim, Outcome, click_in
+from heel.services.loops.scenarios.episode import StackSettings, load_stack
 from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

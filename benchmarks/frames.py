@@ -21,8 +21,8 @@ from scipy.optimize import linear_sum_assignment
 from heel.evaluation.alignment import iou_matrix
 from heel.schemas import Tracks
 from heel.schemas.errors import HeelError
+from heel.services.drawing import Annotator
 from heel.services.pipeline import RecordedFrames, load_pipeline, scene_truth
-from heel.services.run.annotate import Annotator
 from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

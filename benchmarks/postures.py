@@ -23,10 +23,10 @@ from typing import Annotated
 import typer
 
 from benchmarks.common import publish
-from heel.evaluation.scenarios.episode import load_stack, run_episode
-from heel.evaluation.scenarios.parallel import run_all, spread
-from heel.evaluation.scenarios.perception import Senses
-from heel.evaluation.scenarios.report import EpisodeResult
+from heel.services.loops.scenarios.episode import load_stack, run_episode
+from heel.services.loops.scenarios.parallel import run_all, spread
+from heel.services.loops.scenarios.perception import Senses
+from heel.services.loops.scenarios.report import EpisodeResult
 from heel.services.simulator.posture_scenarios import POSTURES
 
 ROBOTS = tuple(

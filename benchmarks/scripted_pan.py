@@ -19,10 +19,10 @@ import numpy as np
 import typer
 
 from benchmarks.common import Figure, data_folder, publish, write_json
-from heel.evaluation.panning.perception import Pixels
-from heel.evaluation.panning.scripted import Played, Script, following, panning, play
 from heel.schemas.errors import HeelError
 from heel.services.detector.settings import DetectorSettings
+from heel.services.loops.panning.perception import Pixels
+from heel.services.loops.panning.scripted import Played, Script, following, panning, play
 from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -19,12 +19,12 @@ import cv2
 import typer
 
 from benchmarks.common import Figure, data_folder, write_json
-from heel.evaluation.panning.episode import Outcome
-from heel.evaluation.panning.perception import PerceptionName
-from heel.evaluation.panning.perception import perception as perception_of
-from heel.evaluation.panning.sequence import follow_everybody
 from heel.schemas.errors import HeelError
 from heel.services.capture.pan_window import PanSettings
+from heel.services.loops.panning.episode import Outcome
+from heel.services.loops.panning.perception import PerceptionName
+from heel.services.loops.panning.perception import perception as perception_of
+from heel.services.loops.panning.sequence import follow_everybody
 from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

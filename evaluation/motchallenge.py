@@ -28,7 +28,7 @@ from heel.evaluation.plausible import (
 )
 from heel.evaluation.rows import COLUMNS, MAX_FRAME, BoxRows, RowKind, check_rows
 from heel.schemas.errors import HeelError
-from heel.services.runtime.sequence_file import SEQUENCE_FILE, read_sequence_file, sequence_file
+from heel.services.sequence_file import SEQUENCE_FILE, read_sequence_file, sequence_file
 
 _log = logging.getLogger("heel.evaluation")
 _MORE = 3

@@ -32,7 +32,7 @@ from heel.evaluation.retention import retention
 from heel.evaluation.rows import rows_from_array
 from heel.evaluation.scores import tracking_scores
 from heel.schemas.errors import HeelError
-from heel.services.runtime.sequence_file import sequence_file
+from heel.services.sequence_file import sequence_file
 
 
 class SequenceScores(BaseModel):

@@ -13,7 +13,7 @@ from heel.services.capture.ffmpeg import shown_path
 from heel.services.capture.image_folder import ImageFolderSource, list_images
 from heel.services.capture.source import Frame
 from heel.services.capture.sources import open_source
-from heel.services.runtime.sequence_file import sequence_file
+from heel.services.sequence_file import sequence_file
 
 
 def pictures_by_number(path: Path) -> Callable[[int], NDArray[np.uint8]]:

@@ -10,7 +10,7 @@ from heel.services.capture.ffmpeg import shown_path
 from heel.services.capture.image_folder import VIDEO_SUFFIXES, ImageFolderSource, list_images
 from heel.services.capture.source import FrameSource, Warn, log_warning, plausible_fps
 from heel.services.capture.video_file import VideoFileSource
-from heel.services.runtime.sequence_file import SEQUENCE_FILE, read_sequence_file, sequence_file
+from heel.services.sequence_file import SEQUENCE_FILE, read_sequence_file, sequence_file
 
 
 def open_sequence(folder: Path, warn: Warn = log_warning) -> FrameSource:

@@ -22,7 +22,7 @@ from heel.services.capture.video_device import VideoDeviceFormat
 from heel.services.capture.video_file import VideoFileSource
 from heel.services.capture.virtual_pan import PAN_PREFIX, open_pan
 from heel.services.runtime.passwords import without_passwords
-from heel.services.runtime.sequence_file import sequence_file
+from heel.services.sequence_file import sequence_file
 
 _DEVICE = re.compile(r"(?:/dev/video)?(\d{1,4})")
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")

@@ -17,9 +17,9 @@ from heel.schemas.errors import SettingsError
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from heel.evaluation.scenarios.episode import StackSettings
-    from heel.evaluation.scenarios.parallel import EpisodeTask, Run
-    from heel.evaluation.scenarios.report import EpisodeResult, Mode, ScenarioReport
+    from heel.services.loops.scenarios.episode import StackSettings
+    from heel.services.loops.scenarios.parallel import EpisodeTask, Run
+    from heel.services.loops.scenarios.report import EpisodeResult, Mode, ScenarioReport
 
 
 _Episodes = Annotated[int, typer.Option(min=1, max=100_000, help="how many, the scenarios in turn")]
@@ -91,7 +91,7 @@ def scenarios(
     ranges: _Ranges = True, calibrated: _Calibrated = True,
 ) -> None:  # fmt: skip
     """Follow people through simulated scenarios, and score it."""
-    from heel.evaluation.scenarios.parallel import spread
+    from heel.services.loops.scenarios.parallel import spread
     from heel.services.simulator.posture_scenarios import POSTURES
     from heel.services.simulator.scenarios import SCENARIOS
 
@@ -109,8 +109,8 @@ def scenarios(
         from heel.services.run.guard import guarded
 
         raise typer.Exit(guarded(lambda: _run_processes(tasks, seed, config, as_json, out)))
-    from heel.evaluation.scenarios.episode import load_stack
-    from heel.evaluation.scenarios.perception import Senses
+    from heel.services.loops.scenarios.episode import load_stack
+    from heel.services.loops.scenarios.perception import Senses
 
     stack = load_stack(mode, config, detector, model, model_class)
     stack = replace(stack, senses=Senses(ranges, calibrated))
@@ -135,8 +135,8 @@ def _run_cores(
     tasks: list[EpisodeTask], seed: int, stack: StackSettings, jobs: int | None, as_json: bool,
     out: Path | None,
 ) -> None:  # fmt: skip
-    from heel.evaluation.scenarios.episode import run_episode
-    from heel.evaluation.scenarios.report import make_report
+    from heel.services.loops.scenarios.episode import run_episode
+    from heel.services.loops.scenarios.report import make_report
 
     results, wall_s = _run_all(partial(run_episode, stack), tasks, jobs or os.cpu_count() or 1)
     report = make_report(results, seed, stack.mode, wall_s, senses=stack.senses)
@@ -146,9 +146,9 @@ def _run_cores(
 def _run_processes(
     tasks: list[EpisodeTask], seed: int, config: Path | None, as_json: bool, out: Path | None
 ) -> None:
-    from heel.evaluation.scenarios.episode import load_stack, run_in_processes
-    from heel.evaluation.scenarios.report import make_report
     from heel.services.commands.run import PARENT_EXIT_S
+    from heel.services.loops.scenarios.episode import load_stack, run_in_processes
+    from heel.services.loops.scenarios.report import make_report
     from heel.services.runtime.service import stop_signals
 
     mode: Mode = "simulated boxes"
@@ -159,7 +159,7 @@ def _run_processes(
 
 
 def _run_all(run: Run, tasks: list[EpisodeTask], jobs: int) -> tuple[list[EpisodeResult], float]:
-    from heel.evaluation.scenarios.parallel import run_all
+    from heel.services.loops.scenarios.parallel import run_all
 
     started_s = time.monotonic()
     with _progress() as progress:
@@ -173,7 +173,7 @@ def _tell(
 ) -> None:
     from rich.console import Console
 
-    from heel.evaluation.scenarios.report import report_table, write_episodes
+    from heel.services.loops.scenarios.report import report_table, write_episodes
 
     if out is not None:
         write_episodes(results, report.mode, out / "episodes.jsonl")

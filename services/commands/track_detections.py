@@ -88,7 +88,7 @@ def read_given(
     """
     from heel.evaluation.motchallenge import read_detections, read_sequence_info
     from heel.evaluation.plausible import MOST_FRAMES_WITHOUT_BOXES, check_size
-    from heel.services.runtime.sequence_file import sequence_file
+    from heel.services.sequence_file import sequence_file
     from heel.services.tracker.given_boxes.sequence import GivenSequence
 
     file = detections / "det" / "det.txt" if detections.is_dir() else detections

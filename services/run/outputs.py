@@ -7,7 +7,7 @@ import io
 from pathlib import Path
 
 from heel.schemas import HeelError, MotionCommand, Tracks
-from heel.services.run.annotate import AnnotatedVideo
+from heel.services.drawing import AnnotatedVideo
 from heel.services.run.folder import ResultFolder
 from heel.services.run.summary import RunSummary
 from heel.services.runtime.row_file import RowFile

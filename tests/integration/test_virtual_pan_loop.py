@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import zenoh
 
-from heel.evaluation.panning.truth import People, in_window, overlap, read_people
 from heel.schemas import EndOfStream, Target, TargetRequest, Tracks, decode, encode, keys
+from heel.services.loops.panning.truth import People, in_window, overlap, read_people
 from tests.support import network
 from tests.support.network import wait_until
 from tests.support.processes import Running, running

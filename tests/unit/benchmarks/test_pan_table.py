@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.virtual_pan import lines_of, row
-from heel.evaluation.panning.episode import Outcome
+from heel.services.loops.panning.episode import Outcome
 
 KEPT = Outcome(1, visible=104, since_chosen=100, in_window=100, kept=96, wrong=0,
                lost=[(7, "occluded")] * 4)  # fmt: skip

@@ -14,13 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.evaluation.alignment import align
-from heel.evaluation.panning.perception import Perception
-from heel.evaluation.panning.truth import NOBODY, InWindow, People, clipped, in_window, read_people
 from heel.evaluation.report import SequenceScores, score_sequence
 from heel.evaluation.rows import BoxRows, rows_from_xyxy
 from heel.schemas import FrameId, Tracks
 from heel.services.capture.pan_window import PanSettings, PanWindow
 from heel.services.capture.sources import open_source
+from heel.services.loops.panning.perception import Perception
+from heel.services.loops.panning.truth import (
+    NOBODY,
+    InWindow,
+    People,
+    clipped,
+    in_window,
+    read_people,
+)
 
 COUNTS_FROM = 0.6
 """Share of a person within the recording that has to lie in the window, else they do not count."""

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from heel.evaluation.panning.episode import Episode, Outcome
-from heel.evaluation.panning.perception import Perception, TrueBoxes
-from heel.evaluation.panning.sequence import Appearance, appearances, follow_everybody
-from heel.evaluation.panning.truth import InWindow, People, in_window, overlap, read_people
 from heel.schemas import FrameId, Track, Tracks
 from heel.schemas.errors import HeelError
 from heel.services.capture.pan_window import PanSettings
+from heel.services.loops.panning.episode import Episode, Outcome
+from heel.services.loops.panning.perception import Perception, TrueBoxes
+from heel.services.loops.panning.sequence import Appearance, appearances, follow_everybody
+from heel.services.loops.panning.truth import InWindow, People, in_window, overlap, read_people
 
 DATA = Path(os.environ.get("HEEL_DATA", Path(__file__).parents[4] / "shared" / "data"))
 PETS = DATA / "PETS09-S2L1"

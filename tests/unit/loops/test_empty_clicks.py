@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from heel.evaluation.scenarios.clicks import Aim, click_in
-from heel.evaluation.scenarios.episode import load_stack
+from heel.services.loops.scenarios.clicks import Aim, click_in
+from heel.services.loops.scenarios.episode import load_stack
 
 
 @pytest.mark.parametrize(

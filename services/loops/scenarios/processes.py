@@ -12,9 +12,6 @@ from pathlib import Path
 import zenoh
 
 from heel.evaluation.following.log import EpisodeLog
-from heel.evaluation.scenarios.perception import STREAM
-from heel.evaluation.scenarios.user import User
-from heel.evaluation.scenarios.witness import Moment, Witness
 from heel.schemas import (
     EndOfStream,
     FollowState,
@@ -27,6 +24,9 @@ from heel.schemas import (
     encode,
     keys,
 )
+from heel.services.loops.scenarios.perception import STREAM
+from heel.services.loops.scenarios.user import User
+from heel.services.loops.scenarios.witness import Moment, Witness
 from heel.services.run.children import Children
 from heel.services.run.presence import await_present
 from heel.services.runtime import qos

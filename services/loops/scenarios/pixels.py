@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from heel.schemas import FollowState, FrameId, Pointed, Tracks
 from heel.services.detector.settings import DetectorSettings
+from heel.services.drawing import AnnotatedVideo
 from heel.services.pipeline import InProcessPipeline
-from heel.services.run.annotate import AnnotatedVideo
 from heel.services.simulator.render.renderer import Renderer
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.evaluation.panning.truth import InWindow
 from heel.schemas import Blob, Blobs, CameraMotion, FrameId, Patch, Tracks
 from heel.services.detector.settings import DetectorSettings
+from heel.services.loops.panning.truth import InWindow
 from heel.services.pipeline import InProcessPipeline
 from heel.services.tracker.core import Tracker
 from heel.services.tracker.settings import TrackerSettings

@@ -6,17 +6,17 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from heel.evaluation.scenarios.perception import STREAM, Perception, Senses, camera_info
-from heel.evaluation.scenarios.user import Chooser, User
-from heel.evaluation.scenarios.witness import Moment, Witness
 from heel.schemas import FrameId, MotionCommand, SimTruth, Target, TargetRequest, Tracks
 from heel.services.drive.core import Drive
 from heel.services.follower.core import Follower
+from heel.services.loops.scenarios.perception import STREAM, Perception, Senses, camera_info
+from heel.services.loops.scenarios.user import Chooser, User
+from heel.services.loops.scenarios.witness import Moment, Witness
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World
 
 if TYPE_CHECKING:
-    from heel.evaluation.scenarios.pixels import Film
+    from heel.services.loops.scenarios.pixels import Film
 
 CONTROL_MS = 20
 """Follower and drive both run at 50 Hz, as their processes do."""

@@ -9,17 +9,17 @@ from pathlib import Path
 
 from heel.evaluation.following.log import EpisodeLog
 from heel.evaluation.following.scores import score_episode
-from heel.evaluation.scenarios.loop import ClosedLoop
-from heel.evaluation.scenarios.parallel import EpisodeTask
-from heel.evaluation.scenarios.perception import EVERYTHING, Perception, Senses, SimulatedBoxes
-from heel.evaluation.scenarios.picture import draw_episode
-from heel.evaluation.scenarios.report import EpisodeResult, Mode
 from heel.schemas.errors import HeelError
 from heel.services.detector.settings import DetectorServiceSettings, DetectorSettings
 from heel.services.drive.core import Drive
 from heel.services.drive.settings import DriveServiceSettings, DriveSettings
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerServiceSettings, FollowerSettings
+from heel.services.loops.scenarios.loop import ClosedLoop
+from heel.services.loops.scenarios.parallel import EpisodeTask
+from heel.services.loops.scenarios.perception import EVERYTHING, Perception, Senses, SimulatedBoxes
+from heel.services.loops.scenarios.picture import draw_episode
+from heel.services.loops.scenarios.report import EpisodeResult, Mode
 from heel.services.runtime.settings import Loaded, load_settings
 from heel.services.simulator.robot import RobotBody
 from heel.services.simulator.scenarios import scenario
@@ -97,7 +97,7 @@ def run_in_processes(
         task: which episode.
     """
     # Here and not above: Zenoh must not be imported before `guarded` has forked.
-    from heel.evaluation.scenarios.processes import ProcessEpisode
+    from heel.services.loops.scenarios.processes import ProcessEpisode
 
     if task.out is not None:
         _make_folder(task.out)
@@ -128,7 +128,7 @@ def _play(world: World, settings: StackSettings, task: EpisodeTask) -> EpisodeLo
         boxes = SimulatedBoxes(world, mount, settings.tracker)
         return ClosedLoop(world, mount, boxes, *cores, senses=settings.senses).run().log()
     # Here and not above: without pictures no extra is needed.
-    from heel.evaluation.scenarios.pixels import Camera, Film, RenderedPixels
+    from heel.services.loops.scenarios.pixels import Camera, Film, RenderedPixels
 
     with ExitStack() as resources:
         camera = resources.enter_context(Camera(world, mount))

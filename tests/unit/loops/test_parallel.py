@@ -7,8 +7,8 @@ import multiprocessing
 import pytest
 from made_episodes import fail_at_seed_3, killed, run
 
-from heel.evaluation.scenarios.parallel import EpisodeTask, run_all, spread
 from heel.schemas import HeelError
+from heel.services.loops.scenarios.parallel import EpisodeTask, run_all, spread
 
 NAMES = ["straight", "turns", "pillar"]
 

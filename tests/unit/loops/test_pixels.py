@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import pytest
 
-from heel.evaluation.scenarios.pixels import Camera, Film, RenderedPixels
 from heel.schemas import FollowState, FrameId, Target, Tracks
 from heel.services.detector.settings import DetectorSettings
+from heel.services.loops.scenarios.pixels import Camera, Film, RenderedPixels
 from heel.services.simulator.scenarios import scenario
 from heel.services.simulator.state import CameraMount
 from heel.services.tracker.settings import TrackerSettings

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from heel.evaluation.scenarios.floor import Floor
+from heel.services.loops.scenarios.floor import Floor
 from heel.services.simulator.state import Obstacle
 
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.evaluation.panning.perception import Perception
-from heel.evaluation.panning.truth import InWindow, People, in_window, overlap
 from heel.schemas import CameraInfo, FrameId, TargetRequest, Tracks
 from heel.services.capture.pan_window import PanSettings, PanWindow
 from heel.services.capture.steering import Steering
@@ -18,6 +16,8 @@ from heel.services.drive.settings import DriveSettings
 from heel.services.follower.choosing import at_point
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
+from heel.services.loops.panning.perception import Perception
+from heel.services.loops.panning.truth import InWindow, People, in_window, overlap
 
 CONTROL_S = 0.02
 """Follower and drive both run at 50 Hz, as their processes do."""

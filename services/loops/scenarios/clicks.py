@@ -13,12 +13,12 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from heel.evaluation.scenarios.episode import StackSettings
-from heel.evaluation.scenarios.loop import ClosedLoop
-from heel.evaluation.scenarios.pixels import Camera, RenderedPixels
 from heel.schemas import FrameId, HeelError, Pointed, SimTruth, Target, TargetRequest, Track, Tracks
 from heel.services.drive.core import Drive
 from heel.services.follower.core import Follower
+from heel.services.loops.scenarios.episode import StackSettings
+from heel.services.loops.scenarios.loop import ClosedLoop
+from heel.services.loops.scenarios.pixels import Camera, RenderedPixels
 from heel.services.simulator.render.props import mirror_images
 from heel.services.simulator.scenarios import scenario
 from heel.services.simulator.script import Scenario

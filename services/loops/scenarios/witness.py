@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from heel.evaluation.alignment import best_pairs, iou_matrix
 from heel.evaluation.following.log import NOBODY, EpisodeLog
-from heel.evaluation.scenarios.floor import Floor
 from heel.schemas import FollowState, SimTruth, Tracks
+from heel.services.loops.scenarios.floor import Floor
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World
 

@@ -9,13 +9,13 @@ import pytest
 from made_episodes import scores
 from rich.console import Console
 
-from heel.evaluation.scenarios.report import (
+from heel.schemas import HeelError
+from heel.services.loops.scenarios.report import (
     EpisodeResult,
     make_report,
     report_table,
     write_episodes,
 )
-from heel.schemas import HeelError
 
 RESULTS = [
     EpisodeResult(scenario="straight", seed=7, scores=scores()),

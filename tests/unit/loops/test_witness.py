@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heel.evaluation.scenarios.witness import Moment, Witness
 from heel.schemas import FollowState, Pose, SimPerson, SimTruth, Target, Track, Tracks
+from heel.services.loops.scenarios.witness import Moment, Witness
 from heel.services.simulator.scenarios import scenario
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World

@@ -12,8 +12,8 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from heel.evaluation.following.scores import EpisodeScores, FollowingScores, summarise
-from heel.evaluation.scenarios.perception import EVERYTHING, Senses
 from heel.schemas.errors import HeelError
+from heel.services.loops.scenarios.perception import EVERYTHING, Senses
 
 Mode = Literal["pixels", "simulated boxes"]
 Through = Literal["cores", "processes"]

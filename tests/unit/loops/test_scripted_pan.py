@@ -11,8 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.scripted_pan import row
-from heel.evaluation.panning.perception import Pixels, TrueBoxes
-from heel.evaluation.panning.scripted import (
+from heel.schemas import FrameId, Track, Tracks
+from heel.services.detector.settings import DetectorSettings
+from heel.services.loops.panning.perception import Pixels, TrueBoxes
+from heel.services.loops.panning.scripted import (
     boxes_shown,
     counted,
     following,
@@ -20,9 +22,7 @@ from heel.evaluation.panning.scripted import (
     play,
     scripted_frames,
 )
-from heel.evaluation.panning.truth import InWindow, People
-from heel.schemas import FrameId, Track, Tracks
-from heel.services.detector.settings import DetectorSettings
+from heel.services.loops.panning.truth import InWindow, People
 
 DATA = Path(os.environ.get("HEEL_DATA", Path(__file__).parents[4] / "shared" / "data"))
 RECORDING, WINDOW = (400, 300), (200, 150)

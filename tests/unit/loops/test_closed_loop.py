@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from heel.evaluation.following.log import EpisodeLog
-from heel.evaluation.scenarios.loop import TRACKS_AGE_MS, ClosedLoop
-from heel.evaluation.scenarios.perception import SimulatedBoxes
 from heel.schemas import (
     DriveState,
     FrameId,
@@ -24,6 +22,8 @@ from heel.services.drive.core import Drive
 from heel.services.drive.settings import DriveSettings
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
+from heel.services.loops.scenarios.loop import TRACKS_AGE_MS, ClosedLoop
+from heel.services.loops.scenarios.perception import SimulatedBoxes
 from heel.services.simulator.scenarios import scenario
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from heel.evaluation.panning.episode import Episode, Outcome
-from heel.evaluation.panning.perception import Perception
-from heel.evaluation.panning.truth import NOBODY, People, read_people
 from heel.schemas.errors import HeelError
 from heel.services.capture.pan_window import PanSettings
 from heel.services.capture.sources import open_source
+from heel.services.loops.panning.episode import Episode, Outcome
+from heel.services.loops.panning.perception import Perception
+from heel.services.loops.panning.truth import NOBODY, People, read_people
 
 LEAST_VISIBLE_S = 3.0
 LEAD_IN_S = 3.0
