@@ -13,7 +13,7 @@ define CHECK_PYTHON
 	|| { echo "Heel needs Python 3.11 or newer: make PYTHON=/path/to/python3.11 ..."; exit 1; }
 endef
 
-.PHONY: help demo test check lint layers types test-docker test-slow bench results peers clean
+.PHONY: help demo test check lint layers types test-docker test-slow same same-short bench results peers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
@@ -50,6 +50,12 @@ types: $(READY)  ## types
 	$(BIN)/mypy
 
 check: lint layers types test  ## everything but Docker and the slow tests
+
+same: $(READY)  ## does everything still come out the same, on all recordings, scenes and episodes
+	$(BIN)/python -m benchmarks.same
+
+same-short: $(READY)  ## the same on drawn scenes, in a minute
+	$(BIN)/python -m benchmarks.same --short
 
 bench: $(READY)  ## speed, latency and memory, each against something
 	$(BIN)/python -m benchmarks.overhead

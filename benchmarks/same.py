@@ -1,0 +1,389 @@
+"""What detector, tracker and follower make of everything there is: does it still come out the same?
+
+Plays recordings, drawn scenes and episodes (`same_cases.py`), hashes the rows that each leaves, and
+compares with `same.txt`. A change that is meant to change no figures is proved by it; one that is
+meant to says in its commit what moved, and renews the file (`--renew`, for the cases played).
+
+The promise: the same source gives the same bytes on the same machine and versions, in any order of
+cases and on any number of processes. Rows have two decimals of a pixel, three of a confidence and
+four of a velocity (m/s, rad/s), which hides most last digits; but a last digit can decide which of
+two people a box is given to, and last digits differ between processors (vector instructions) and
+versions of libraries. So the file says what it was made on, and nothing else is compared with it.
+Elsewhere two commits are compared with each other:
+
+    python -m benchmarks.same --out /tmp/before        (at the commit before)
+    python -m benchmarks.same --out /tmp/after --against /tmp/before
+
+This names the first line of each file that differs, too.
+
+Example run: make same (short: make same-short)
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import itertools
+import multiprocessing
+import os
+import platform
+import signal
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated
+
+import cv2
+import numpy as np
+import typer
+
+from benchmarks.common import data_folder
+from benchmarks.same_cases import FILES, MODEL_FRAMES, Case, all_cases
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.command_line import run_app
+from heel.services.runtime.process import PARENT_VARIABLE, die_with_parent
+from heel.services.runtime.settings import ENVIRONMENT_PREFIX
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+KEPT = Path(__file__).with_suffix(".txt")
+_LONGEST_S = 3 * 3600.0
+_NICE = 10
+_DIGITS = 16
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_MADE_ON = "# made on: "
+_HEAD = f"""\
+# What `make same` compares with: hash, rows and name of every file that a case leaves.
+# Renew with `python -m benchmarks.same --renew`, with --short or --only NAME for some of them.
+# Recordings are played whole; with a network their first {MODEL_FRAMES["default"]} frames, and
+# {MODEL_FRAMES["paper"]} with the paper's preset.
+# Left out: episodes on rendered pictures, which take minutes each; live runs, which depend on time;
+# lossless runs through the processes, which equal these byte for byte (tests/integration).
+"""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """One file of a case: the first digits of its SHA-256, and its number of lines."""
+
+    digest: str
+    count: int
+
+
+Files = Mapping[str, Rows]
+"""By name: that of the case, a slash and that of the file."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What is compared with: the file of hashes, or the folder of another run.
+
+    Attributes:
+        made_on: versions and machine, as `this_machine`; empty for a folder.
+    """
+
+    files: dict[str, Rows] = field(default_factory=dict)
+    made_on: str = ""
+
+
+@dataclass(frozen=True)
+class Played:
+    """A case that was played: what it left, or what went wrong."""
+
+    name: str
+    files: dict[str, Rows]
+    seconds: float
+    error: str = ""
+
+
+def this_machine() -> str:
+    """All that figures may depend on beside the source: versions of libraries, the processor."""
+    python = ".".join(platform.python_version_tuple()[:2])
+    versions = {"python": python, "numpy": np.__version__, "opencv": cv2.__version__}
+    for name in ("scipy", "onnx", "av"):
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = "none"
+    listed = ", ".join(f"{name} {version}" for name, version in versions.items())
+    return f"{listed}, {platform.machine()} {cv2.getCPUFeaturesLine().replace('*', '')}"
+
+
+def read_kept(file: Path) -> Kept:
+    """The file of hashes; an empty one if there is none.
+
+    Raises:
+        HeelError: a line of it is malformed.
+    """
+    if not file.exists():
+        return Kept()
+    files, made_on = {}, ""
+    for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+        if line.startswith(_MADE_ON):
+            made_on = line.removeprefix(_MADE_ON)
+        elif line and not line.startswith("#"):
+            try:
+                digest, count, name = line.split()
+                files[name] = Rows(digest, int(count))
+            except ValueError:
+                raise HeelError(
+                    f"{file}:{number}: {line!r} is not `hash rows name`: take that line from the "
+                    "history, or renew it"
+                ) from None
+    return Kept(files, made_on)
+
+
+def write_kept(file: Path, kept: Kept) -> None:
+    """Write the file of hashes."""
+    width = max((len(str(rows.count)) for rows in kept.files.values()), default=1)
+    lines = [
+        f"{rows.digest} {rows.count:{width}d} {name}\n"
+        for name, rows in sorted(kept.files.items())
+    ]  # fmt: skip
+    file.write_text("".join([_HEAD, _MADE_ON, kept.made_on, "\n", *lines]), encoding="utf-8")
+
+
+def check_renewal(kept: Kept, cases: Iterable[Case]) -> None:
+    """See that hashes of two machines do not get into one file.
+
+    Raises:
+        SettingsError: some would stay that were made elsewhere.
+    """
+    stay = {case_of(name) for name in kept.files} - {case.name for case in cases}
+    if stay and kept.made_on != this_machine():
+        raise SettingsError(f"{other_machine(kept.made_on)}: renew all cases, or none")
+
+
+def renewed(kept: Kept, played: Iterable[Played]) -> Kept:
+    """What is kept, with what was played in the place of what those cases left before.
+
+    Raises:
+        HeelError: a case failed.
+    """
+    files = dict(kept.files)
+    for one in played:
+        if one.error:
+            raise HeelError(f"{one.name}: {one.error}: nothing is renewed")
+        files = {name: rows for name, rows in files.items() if case_of(name) != one.name}
+        files |= one.files
+    return Kept(files, this_machine())
+
+
+def rows_in(folder: Path, case: str) -> dict[str, Rows]:
+    """The files that a case has left in a run's folder."""
+    found = {}
+    for name in FILES:
+        path = folder / case / name
+        if path.is_file():
+            content = path.read_bytes()
+            digest = hashlib.sha256(content).hexdigest()[:_DIGITS]
+            found[f"{case}/{name}"] = Rows(digest, content.count(b"\n"))
+    return found
+
+
+def case_of(file: str) -> str:
+    """The case that a file belongs to."""
+    return file.rpartition("/")[0]
+
+
+def moved(kept: Files, played: Played) -> list[str]:
+    """What is not as it was, a line a file; empty if nothing has moved."""
+    if played.error:
+        return [f"{played.name}: {played.error}"]
+    before = {name: rows for name, rows in kept.items() if case_of(name) == played.name}
+    if not before:
+        return [f"{played.name}: new, nothing to compare with: --renew keeps it"]
+    lines = []
+    for name in sorted({*before, *played.files}):
+        was, now = before.get(name), played.files.get(name)
+        if was is None or now is None:
+            lines.append(f"{name}: {'new' if was is None else 'gone'}")
+        elif was != now:
+            rows = f"{now.count} rows" + (f", was {was.count}" * (was.count != now.count))
+            lines.append(f"{name}: moved ({rows})")
+    return lines
+
+
+def first_difference(before: Path, after: Path) -> str:
+    """The first line in which two text files differ; empty if none does."""
+    with before.open(encoding="utf-8") as one, after.open(encoding="utf-8") as other:
+        for number, (was, now) in enumerate(itertools.zip_longest(one, other), 1):
+            if was != now:
+                said = ("the end" if text is None else text.rstrip("\n") for text in (now, was))
+                return "line {}: {}\n    was: {}".format(number, *said)
+    return ""
+
+
+def other_machine(made_on: str) -> str:
+    """Says that hashes are those of another machine or other versions."""
+    return f"{KEPT.name} was made on [{made_on}], and this is [{this_machine()}]"
+
+
+def chosen(cases: Sequence[Case], names: Sequence[str], short: bool) -> list[Case]:
+    """The cases asked for: by name, by the first parts of names, or the short form.
+
+    Raises:
+        SettingsError: nothing has such a name.
+    """
+    for name in names:
+        if not any(_is_meant(case, name) for case in cases):
+            names_of = {part for case in cases for part in _beginnings(case.name)}
+            near = difflib.get_close_matches(name, sorted(names_of), n=3, cutoff=0.5)
+            meant = f"; did you mean {' or '.join(near)}?" if near else ""
+            raise SettingsError(
+                f"--only {name}: no case of that name, with the recordings in {data_folder()}"
+                f"{meant or '; --list prints them all'}"
+            )
+    found = [case for case in cases if not names or any(_is_meant(case, name) for name in names)]
+    return [case for case in found if case.short or not short]
+
+
+def _beginnings(name: str) -> Iterator[str]:
+    return itertools.accumulate(name.split("/"), "{}/{}".format)
+
+
+def _is_meant(case: Case, name: str) -> bool:
+    return f"{case.name}/".startswith(f"{name.strip('/')}/")
+
+
+def play_all(cases: Sequence[Case], jobs: int, out: Path) -> Iterator[Played]:
+    """Play cases on several processes; yields them as they end.
+
+    Raises:
+        HeelError: a process died, or three hours are over.
+    """
+    for name in _ONE_THREAD:
+        os.environ[name] = "1"
+    os.environ[PARENT_VARIABLE] = str(os.getpid())
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(jobs, len(cases)), context, initializer=_start_worker)
+    try:
+        futures = [pool.submit(play, case, out) for case in cases]
+        for future in as_completed(futures, timeout=_LONGEST_S):
+            yield future.result()
+    except BrokenProcessPool:
+        raise HeelError("a process was killed, probably for want of memory: --jobs 1") from None
+    except TimeoutError:
+        raise HeelError(f"not done after {_LONGEST_S:g} s: --only NAME finds what hangs") from None
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _start_worker() -> None:
+    """Ends with its parent; settings of the user's own must not reach the cores."""
+    die_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(_NICE)
+    for name in [name for name in os.environ if name.startswith(ENVIRONMENT_PREFIX)]:
+        del os.environ[name]
+
+
+def play(case: Case, out: Path) -> Played:
+    """Play one case into its folder in `out`; whatever fails is told, not raised."""
+    started_s = time.monotonic()
+    folder, error = out / case.name, ""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in FILES:
+            (folder / name).unlink(missing_ok=True)
+        case.play(folder)
+        # It holds times, and a run is to be compared with another by `diff -r`.
+        (folder / "summary.json").unlink(missing_ok=True)
+    except Exception as raised:
+        error = (
+            str(raised) if isinstance(raised, HeelError) else f"{type(raised).__name__}: {raised}"
+        )
+    return Played(case.name, rows_in(out, case.name), time.monotonic() - started_s, error)
+
+
+def _told(one: Played, lines: Sequence[str], against: Path | None, out: Path) -> Iterator[str]:
+    """What is said of a case that is not as it was."""
+    for line in lines:
+        yield line
+        name = line.partition(":")[0]
+        if against is not None and (against / name).is_file() and (out / name).is_file():
+            yield f"  {first_difference(against / name, out / name)}"
+
+
+_Only = Annotated[
+    list[str] | None,
+    typer.Option(help="this case, or all whose names begin so: drawn/demo", metavar="NAME"),
+]
+
+
+@app.command()
+def main(
+    only: _Only = None,
+    short: Annotated[bool, typer.Option("--short", help="drawn scenes and one episode")] = False,
+    renew: Annotated[bool, typer.Option("--renew", help="keep what the cases leave now")] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="leave the rows of this run here", metavar="DIR")
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(help="compare with a run's --out, not with the kept hashes", metavar="DIR"),
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, max=64, help="processes")] = 2,
+    listed: Annotated[bool, typer.Option("--list", help="print the names and end")] = False,
+) -> None:
+    """Play everything there is, and name what is not as it was."""
+    every = all_cases()
+    cases = chosen(every, only or [], short)
+    if listed:
+        typer.echo("\n".join(case.name for case in cases))
+        return
+    if against is not None and (renew or not against.is_dir()):
+        raise SettingsError(f"--against {against}: give the folder of another run, and no --renew")
+    kept = read_kept(KEPT)
+    here = kept.made_on == this_machine()
+    if against is not None:
+        files = [rows_in(against, case.name) for case in every]
+        kept, here = Kept({name: rows for one in files for name, rows in one.items()}), True
+    elif renew:
+        check_renewal(kept, cases)
+    elif not here and out is None:
+        raise HeelError(
+            f"{other_machine(kept.made_on)}: compare two commits here, one with --out DIR and the "
+            "other with --against DIR"
+        )
+    with tempfile.TemporaryDirectory() as scratch:
+        played, lines = _play_and_tell(
+            cases, jobs, out or Path(scratch), kept.files if here else None, against
+        )
+    if renew:
+        write_kept(KEPT, renewed(kept, played))
+        typer.echo(f"wrote {KEPT}")
+        return
+    if not here:
+        typer.echo(f"{other_machine(kept.made_on)}: not compared; the rows are in {out}")
+    absent = sorted({case_of(name) for name in kept.files} - {case.name for case in every})
+    if absent:
+        typer.echo(f"not played, for they are not here: {', '.join(absent)}")
+    typer.echo("\n".join(lines) or f"{len(played)} cases: nothing has moved")
+    if lines:
+        raise typer.Exit(1)
+
+
+def _play_and_tell(
+    cases: Sequence[Case], jobs: int, out: Path, kept: Files | None, against: Path | None
+) -> tuple[list[Played], list[str]]:
+    """Play cases with a line of progress each; all of them, and what is to be said of them."""
+    started_s = time.monotonic()
+    played: list[Played] = []
+    lines: list[str] = []
+    for one in play_all(cases, jobs, out):
+        played.append(one)
+        found = [] if kept is None and not one.error else moved(kept or {}, one)
+        lines += _told(one, found, against, out)
+        word = "FAILED" if one.error else "MOVED" if found else "played" if kept is None else "same"
+        typer.echo(f"[{len(played)}/{len(cases)}] {one.name}: {word}, {one.seconds:.1f} s")
+    typer.echo(f"{len(played)} cases in {time.monotonic() - started_s:.0f} s")
+    return played, lines
+
+
+if __name__ == "__main__":
+    run_app(app)
