@@ -10,6 +10,7 @@ from heel.services.follower.kept import KeptTarget, Scene
 from heel.services.follower.pending import PendingPoint
 from heel.services.follower.people import Person
 from heel.services.follower.settings import FollowerSettings
+from heel.services.runtime.streams import FORMER_S
 
 _CHOICE_AGE_S = 0.5
 """Who was seen no longer ago can still be chosen: a busy machine is late now and then, and nothing
@@ -42,6 +43,9 @@ class TargetChoice:
         self._tracker: str | None = None
         self._scene: Scene | None = None
         self._left: KeptTarget | None = None
+        self._seen_ns = 0
+        self._interrupted: tuple[KeptTarget, int] | None = None
+        """Who was followed when another tracker took over, and when, by the camera's clock."""
         self.pending: PendingPoint | None = None
         self.target = Target(seq=0, mode=settings.target, reason=self._waiting[settings.target])
 
@@ -60,12 +64,18 @@ class TargetChoice:
         """Note who tracks in which pictures; True if all ids mean somebody else from now on."""
         scene = (tracks.stream, tracks.epoch, tracks.width, tracks.height)
         before_tracker, before_scene = self._tracker, self._scene
-        self._tracker, self._scene = tracker, scene
+        kept, seen_ns = self.kept, self._seen_ns
+        self._tracker, self._scene, self._seen_ns = tracker, scene, tracks.t_capture_ns
         if before_tracker is None or before_scene is None:
             self._go_on()
             return False
         if before_tracker != tracker:
+            interrupted = self._interrupted
             self._void("the tracker was replaced: choose again")
+            if kept is not None:
+                self._interrupted = kept, seen_ns
+            elif interrupted is not None:
+                self._back_again(*interrupted)
         elif before_scene[:2] != scene[:2]:
             self._void("the camera was restarted: choose again")
         elif before_scene != scene:
@@ -198,13 +208,23 @@ class TargetChoice:
         elif self.target.mode == "none":
             self._set("none", None, "follower and tracker or camera were restarted: choose again")
 
+    def _back_again(self, kept: KeptTarget, seen_ns: int) -> None:
+        """Go on with the person followed before, if the tracker that knows them is heard again."""
+        away_s = (self._seen_ns - seen_ns) * 1e-9
+        if (
+            kept.scene == self._scene
+            and kept.target.tracker == self._tracker
+            and 0.0 <= away_s <= FORMER_S
+        ):
+            self._set(kept.target.mode, kept.target.track_id, "kept: its tracker is back")
+
     def _void(self, reason: str) -> None:
         self._imprinting.reset()
         if self.target.track_id is not None or self.pending is not None:
             self._set("none", None, reason)
 
     def _set(self, mode: str, track_id: int | None, reason: str) -> None:
-        self.pending = self._left = None
+        self.pending = self._left = self._interrupted = None
         self.target = Target.model_validate(
             {"seq": self.target.seq + 1, "mode": mode, "track_id": track_id, "reason": reason,
              "tracker": self._tracker if track_id is not None else None}

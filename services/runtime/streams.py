@@ -29,6 +29,9 @@ SHARED_MEMORY_MIN_BYTES = 3072
 """Zenoh's default threshold: smaller messages go through the socket."""
 PRODUCER_STALE_S = 0.5
 """A silent producer keeps its consumers this long before they move to another."""
+FORMER_S = 10.0
+"""A producer that was silent and is heard again so soon is listened to again: it was held up, not
+replaced. Chosen by hand; stalls of 0.5 to 8 s were seen on busy machines."""
 _RIVAL_S = 2.0
 _REFUSED_S = 0.5
 """Nothing but refusals for so long is a problem."""
@@ -41,17 +44,24 @@ M = TypeVar("M", bound=Message)
 
 
 class ProducerGate:
-    """Stays with one producer until it is stale or gone, so that a swap is one clean cut."""
+    """Stays with one producer until it is stale or gone, so that a swap is one clean cut.
+
+    A producer that was only held up gets its stream back: otherwise one moment of a busy machine
+    hands the stream for good to anybody who sends beside it.
+    """
 
     def __init__(self) -> None:
         self.current: str | None = None
         self._last_s = 0.0
+        self._former: tuple[str, float] | None = None
+        """The producer before this one, and when it was left."""
         self._rivals: dict[str, float] = {}
 
     def accepts(self, producer: str, now_s: float) -> bool:
         """Whether a message of this producer is to be used."""
         if self.would_accept(producer, now_s):
-            self.current = producer
+            if producer != self.current:
+                self._replace(producer, now_s)
             self._last_s = now_s
             self._rivals.pop(producer, None)
             return True
@@ -62,7 +72,21 @@ class ProducerGate:
     def would_accept(self, producer: str, now_s: float) -> bool:
         """The same without taking note of it."""
         stale = now_s - self._last_s > PRODUCER_STALE_S
-        return self.current is None or producer == self.current or stale
+        return self.current in (None, producer) or stale or self._returns(producer, now_s)
+
+    def _returns(self, producer: str, now_s: float) -> bool:
+        if self._former is None:
+            return False
+        name, left_s = self._former
+        return producer == name and now_s - left_s < FORMER_S
+
+    def _replace(self, producer: str, now_s: float) -> None:
+        if self._returns(producer, now_s):
+            # It stays the elder: whoever stood in for it does not get the stream back from it.
+            self._former = None
+        elif self.current is not None:
+            self._former = self.current, now_s
+        self.current = producer
 
     def rivals(self, now_s: float) -> list[str]:
         """Other producers that were heard on the same stream of late."""

@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from heel.schemas import DriveState, MotionCommand, decode, encode
 from heel.services.drive.core import Drive
 from heel.services.drive.settings import DriveSettings
-from heel.services.runtime.streams import PRODUCER_STALE_S
+from heel.services.runtime.streams import FORMER_S, PRODUCER_STALE_S
 
 _ROUNDING = 1e-9
 _PRODUCERS = ("follower/main@00000001", "follower/main@00000002")
@@ -40,6 +40,8 @@ class AnyOrder(RuleBasedStateMachine):
         self.estop = False
         self.owner: str | None = None
         """Who is listened to, also while the drive takes nothing."""
+        self.former: tuple[str | None, float] = None, -math.inf
+        """Who was listened to before, and until when."""
         self.producer: str | None = None
         """Whose numbers count."""
         self.heard_s = -math.inf
@@ -65,10 +67,16 @@ class AnyOrder(RuleBasedStateMachine):
             reason="target in sight",
         )  # fmt: skip
         taken = self.drive.take(made, producer, self.now_s)
-        believed = self.owner in (None, producer) or self.now_s - self.heard_s > PRODUCER_STALE_S
-        if not believed:
+        former, left_s = self.former
+        returns = producer == former and self.now_s - left_s < FORMER_S
+        silent = self.now_s - self.heard_s > PRODUCER_STALE_S
+        if not (self.owner in (None, producer) or silent or returns):
             assert not taken, "two producers at once"
             return
+        if returns:
+            self.former = None, -math.inf
+        elif self.owner not in (None, producer):
+            self.former = self.owner, self.now_s
         self.owner, self.heard_s = producer, self.now_s
         if self._has_hung() or self.now_s < self.deaf_until_s:
             assert not taken, "what waited while the drive hung"

@@ -255,6 +255,34 @@ def test_whose_id_means_nobody_any_more_has_to_be_chosen_again(
     assert (command.linear_mps, command.angular_radps) == (0.0, 0.0)
 
 
+def interrupted(for_s: float, returns: str = TRACKER, **changes: int) -> Follower:
+    """A follower of person 1 that heard another tracker for a while."""
+    made = Follower(FollowerSettings())
+    made.observe(tracks(person(1)), TRACKER)
+    made.choose(TargetRequest(mode="id", track_id=1))
+    made.observe(restarted(), OTHER_TRACKER)
+    assert made.target.reason == "the tracker was replaced: choose again"
+    assert made.kept is None, "a restarted follower does not choose for them"
+    later_ns = restarted().t_capture_ns + round(for_s * 1e9)
+    made.observe(restarted(t_capture_ns=later_ns, **changes), returns)
+    return made
+
+
+def test_the_person_is_kept_when_the_tracker_that_knows_them_is_heard_again() -> None:
+    made = interrupted(1.0)
+    assert (made.target.mode, made.target.track_id) == ("id", 1)
+    assert made.step(0.0, 0.0).state == "acquiring", "and makes sure before it moves"
+
+
+@pytest.mark.parametrize(
+    "made",
+    [interrupted(60.0), interrupted(1.0, epoch=2), interrupted(1.0, "tracker/third@00000001")],
+    ids=["too late", "another camera", "a third tracker"],
+)
+def test_the_person_is_not_kept_where_the_id_may_be_somebody_else(made: Follower) -> None:
+    assert made.target.track_id is None
+
+
 def test_who_waits_for_the_nearest_goes_on_waiting_after_a_restart() -> None:
     made = Follower(FollowerSettings(target="nearest"))
     made.observe(tracks(), TRACKER)

@@ -60,7 +60,26 @@ def test_another_producer_takes_over_when_the_first_is_stale() -> None:
     gate.accepts("a", 0.0)
     assert not gate.accepts("b", PRODUCER_STALE_S)
     assert gate.accepts("b", PRODUCER_STALE_S + 0.01)
-    assert not gate.accepts("a", PRODUCER_STALE_S + 0.02)
+    assert not gate.accepts("c", PRODUCER_STALE_S + 0.02)
+
+
+def test_a_producer_that_was_only_held_up_gets_its_stream_back_for_good() -> None:
+    gate = ProducerGate()
+    gate.accepts("a", 0.0)
+    assert gate.accepts("b", 0.6)
+    assert gate.accepts("a", 0.7)
+    assert not gate.accepts("b", 0.8)
+    assert gate.rivals(0.8) == ["b"]
+    assert gate.accepts("b", 1.4), "silent again"
+    assert gate.accepts("a", 1.5)
+
+
+def test_a_producer_that_was_replaced_long_ago_does_not_come_back() -> None:
+    gate = ProducerGate()
+    gate.accepts("a", 0.0)
+    for step in range(1, 120):
+        assert gate.accepts("b", 0.1 * step + 0.5)
+    assert not gate.accepts("a", 12.5)
 
 
 def test_rivals_are_named_while_they_are_heard() -> None:
