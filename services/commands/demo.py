@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from heel.schemas.errors import SettingsError
+from heel.schemas.errors import HeelError, SettingsError
 from heel.services.commands.drawn_demo import play_scene, results_in
 from heel.services.commands.run import PARENT_EXIT_S
 from heel.services.run.folder import DEMO_PREFIX, ScratchFolder, sweep
@@ -104,7 +104,8 @@ def _play_world(
 ) -> None:  # fmt: skip
     # Imported here, in the guarded process: see `guarded`.
     from heel.services.run.checks import check_settings
-    from heel.services.run.world import WorldOptions, WorldRun
+    from heel.services.run.following import FollowingTally, write_figures
+    from heel.services.run.world import PageOptions, WorldOptions, WorldRun
     from heel.services.runtime.logs import set_up_command_logging
     from heel.services.runtime.service import stop_signals
 
@@ -112,12 +113,20 @@ def _play_world(
     duration_s = _check_world(scenario, seed)
     check_settings(options)
     world = WorldOptions(
-        options.out, scenario, seed, perception, options.seconds, options.web_port or 0,
-        options.on_page, episode_s=None if options.loop else duration_s, keep_truth=kept,
+        options.out / "logs", scenario, seed, perception,
+        episode_s=None if options.loop else duration_s, seconds=options.seconds,
+        page=PageOptions(options.web_port or 0, options.on_page),
+        truth=options.out / "truth.jsonl" if kept else None,
         detector_flags=tuple(options.detector_flags()),
     )  # fmt: skip
+    tally = FollowingTally()
+    figures = tally.figures
+    with _writing(options.out):
+        options.out.mkdir(parents=True, exist_ok=True)
     with stop_signals(PARENT_EXIT_S) as stopping:
-        figures = WorldRun(world, stopping, logging.getLogger("heel.demo")).run()
+        WorldRun(world, tally, stopping, logging.getLogger("heel.demo")).run()
+    with _writing(options.out):
+        write_figures(figures, perception, options.out)
     gap = "-" if figures.least_gap_m is None else f"{figures.least_gap_m:.2f} m"
     share = figures.followed_s / figures.time_s if figures.time_s else 0.0
     typer.echo(
@@ -132,6 +141,18 @@ def _play_world(
     else:
         typer.echo("people were seen in the rendered pictures")
     typer.echo(results_in(options.out, kept))
+
+
+@contextmanager
+def _writing(out: Path) -> Iterator[None]:
+    """Name the folder, and what to do, where it cannot be written to."""
+    try:
+        yield
+    except OSError as error:
+        raise HeelError(
+            f"--out {out}: {error.strerror}: give a folder that can be written to, on a disk with "
+            "room"
+        ) from None
 
 
 def _check_world(scenario: str, seed: int) -> float:

@@ -147,8 +147,9 @@ def _run_processes(
     tasks: list[EpisodeTask], seed: int, config: Path | None, as_json: bool, out: Path | None
 ) -> None:
     from heel.services.commands.run import PARENT_EXIT_S
-    from heel.services.loops.scenarios.episode import load_stack, run_in_processes
+    from heel.services.loops.scenarios.episode import load_stack
     from heel.services.loops.scenarios.report import make_report
+    from heel.services.run.scenario import run_in_processes
     from heel.services.runtime.service import stop_signals
 
     mode: Mode = "simulated boxes"

@@ -1,72 +1,73 @@
-"""Whoever looks at the page of a simulated world, and clicks on the scenario's person."""
+"""What an onlooker sees of a simulated world: whom the robot acts upon, picture by picture."""
 
 from __future__ import annotations
 
-import math
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Protocol
 
-import zenoh
-from zenoh.handlers import FifoChannel, Handler
+from heel.schemas import FollowState, SimTruth, TargetRequest, Tracks
+from heel.services.loops.judge import people_by_track
+from heel.services.loops.user import User
 
-from heel.schemas import SimTruth, Target, TargetRequest, decode, encode, keys
-
-_FIRST_CLICK_S, _AGAIN_S = 1.0, 0.5
-_LEAST_VISIBLE = 0.5
-_DOWN = 0.4
-"""Share of the box above the click: one clicks on the chest."""
-_ANSWER_S = 1.0
+_KEPT_TRUTHS = 128
+"""Frames that tracks may be late by: 4 s at 30 frames/s."""
 
 
-class Onlooker:
-    """Clicks on somebody and waits for what comes of it, until they are chosen; once an episode."""
-
-    def __init__(self) -> None:
-        """There is nothing to look at yet."""
-        self._due_s = math.inf
-        self._looking = False
-        self._asked: Handler[zenoh.Reply] | None = None
+class Recorder(Protocol):
+    """Writes down what an onlooker sees."""
 
     def episode(self) -> None:
         """A new world begins."""
-        self._due_s, self._looking, self._asked = _FIRST_CLICK_S, False, None
 
-    def look(self, session: zenoh.Session, truth: SimTruth) -> None:
-        """Take in a picture, and click, or ask what came of it, if it is time to."""
-        self._hear()
-        target = next((person for person in truth.people if person.role == "target"), None)
-        if truth.t_s < self._due_s or target is None or target.box_xyxy is None:
+    def record(self, truth: SimTruth, state: FollowState | None, people: dict[int, int]) -> None:
+        """The world in one frame.
+
+        Args:
+            truth: what it is like.
+            state: what the follower does now; None before it has said so.
+            people: index of the person by track id, of the newest tracks.
+        """
+
+
+class Onlooker:
+    """Puts truth, tracks and the follower's state together as they come, and clicks as a user does.
+
+    Args:
+        recorder: told of every frame of the world.
+        click: asks the follower, without waiting for its answer.
+    """
+
+    def __init__(self, recorder: Recorder, click: Callable[[TargetRequest], object]) -> None:
+        self._recorder, self._click = recorder, click
+        self._state: FollowState | None = None
+        self._user = User()
+        self._truths: OrderedDict[int, SimTruth] = OrderedDict()
+        self._people: dict[int, int] = {}
+
+    def episode(self) -> None:
+        """A new world begins."""
+        self._user = User()
+        self._truths.clear()
+        self._people = {}
+        self._recorder.episode()
+
+    def state(self, state: FollowState) -> None:
+        """What the follower does from now on."""
+        self._state = state
+
+    def truth(self, truth: SimTruth) -> None:
+        """The world in one frame."""
+        self._truths[truth.seq] = truth
+        while len(self._truths) > _KEPT_TRUTHS:
+            self._truths.popitem(last=False)
+        self._recorder.record(truth, self._state, self._people)
+
+    def tracks(self, tracks: Tracks) -> None:
+        """The tracks of one frame; those of a frame that is not known are left out."""
+        truth = self._truths.get(tracks.seq)
+        if truth is None:
             return
-        if self._looking:
-            self._ask(session, truth.t_s, None)
-        elif target.visible >= _LEAST_VISIBLE:
-            left, top, right, bottom = target.box_xyxy
-            self._ask(session, truth.t_s, TargetRequest(
-                mode="point", x_px=(left + right) / 2, y_px=top + _DOWN * (bottom - top)
-            ))  # fmt: skip
-
-    def _ask(self, session: zenoh.Session, now_s: float, click: TargetRequest | None) -> None:
-        self._due_s = now_s + _AGAIN_S
-        self._asked = session.get(
-            keys.FOLLOW_TARGET, FifoChannel(1), timeout=_ANSWER_S,
-            payload=None if click is None else encode(click),
-            encoding=None if click is None else click.encoding(),
-        )  # fmt: skip
-
-    def _hear(self) -> None:
-        """Somebody who is chosen ends it; a point that is still looked at wants patience."""
-        while self._asked is not None and (reply := self._answer(self._asked)) is not None:
-            self._asked = None
-            if reply.ok is None:
-                self._looking = False
-                continue
-            target = decode(Target, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
-            self._looking = target.mode == "point" and target.track_id is None
-            if target.track_id is not None:
-                self._due_s = math.inf
-
-    def _answer(self, asked: Handler[zenoh.Reply]) -> zenoh.Reply | None:
-        try:
-            return asked.try_recv()
-        except zenoh.ZError:
-            # Closed and empty: nobody answered in time.
-            self._asked = None
-            return None
+        self._people = people_by_track(truth, tracks)
+        if self._state is not None:
+            self._user.act(truth.t_s, self._click, self._state.target, truth, self._people)

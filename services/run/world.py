@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import math
-import os
 import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import zenoh
+from zenoh.handlers import FifoChannel, Handler
 
 from heel.schemas import (
     EndOfStream,
@@ -24,13 +23,14 @@ from heel.schemas import (
     MessageError,
     SimTruth,
     SimWorld,
+    TargetRequest,
     Tracks,
     decode,
+    encode,
     keys,
 )
 from heel.services.run.children import Children
-from heel.services.run.following import FollowingFigures, FollowingTally
-from heel.services.run.onlooker import Onlooker
+from heel.services.run.onlooker import Onlooker, Recorder
 from heel.services.run.presence import await_present
 from heel.services.run.silence import HUNG_S, Silences
 from heel.services.runtime import qos
@@ -48,81 +48,101 @@ _LAST_FRAMES_S = 1.0
 """An episode is over with its last frame, which may be lost."""
 
 
+_ANSWER_S = 1.0
+"""How long a click may wait for the follower's answer, which the next state tells as well."""
+
+
 @dataclass(frozen=True)
-class WorldOptions:
-    """What `heel demo` was asked to show.
+class PageOptions:
+    """The live page of a world, whose run `heel status` finds while it lasts.
 
     Attributes:
-        seconds: end after so long; None: when the episode is over, or never.
+        port: on loopback, 0 for any free one.
         on_page: told the page's address once it is served.
     """
 
-    out: Path
+    port: int
+    on_page: Callable[[str], None] | None = None
+
+
+@dataclass(frozen=True)
+class WorldOptions:
+    """Which world is to be run, and how.
+
+    Attributes:
+        logs: folder for the logs of the services.
+        episode_s: length of the one episode, seconds; None: there is always another one.
+        seconds: end after so long; None: when the episode is over, or never.
+        ends_at_contact: end when the robot touches somebody.
+        page: the live page; None for none.
+        truth: file for the truth of every frame, 2 GB a day; None for none.
+        config: settings file of the services.
+        detector_flags: flags of the detector process, which runs for pixels only.
+    """
+
+    logs: Path
     scenario: str
     seed: int
     perception: Literal["pixels", "simulated-boxes"]
-    seconds: float | None
-    web_port: int
-    on_page: Callable[[str], None] | None
-    episode_s: float | None = None
-    """Length of the one episode; None: there is always another one."""
-    keep_truth: bool = True
-    """Write the truth of every frame: 2 GB a day."""
+    episode_s: float | None
+    seconds: float | None = None
+    ends_at_contact: bool = False
+    page: PageOptions | None = None
+    truth: Path | None = None
+    config: Path | None = None
     detector_flags: tuple[str, ...] = ()
-    """Flags of the detector process, which runs for pixels only."""
+
+    @property
+    def services(self) -> tuple[str, ...]:
+        """The processes that run beside the simulator."""
+        parts: tuple[str, ...] = ("tracker", "follower", "drive")
+        parts += ("web",) if self.page is not None else ()
+        return (*parts, "detector") if self.perception == "pixels" else parts
 
 
 class WorldRun:
-    """Starts simulator and stack, looks on, and ends them."""
+    """Starts simulator and stack, looks on, and ends them.
 
-    def __init__(self, options: WorldOptions, stop: threading.Event, log: logging.Logger) -> None:
+    Must run in a process that `heel.services.run.guard.guarded` has made.
+
+    Args:
+        options: which world.
+        recorder: writes down what is to be seen.
+        stop: ends the run when set.
+        log: of the process.
+    """
+
+    def __init__(
+        self, options: WorldOptions, recorder: Recorder, stop: threading.Event, log: logging.Logger
+    ) -> None:
         self._options, self._stop, self._log = options, stop, log
+        self._recorder = recorder
         self._note: Registration | None = None
         self._warn = OncePerSecond(log)
-        self._tally = FollowingTally()
         self._page_told = False
         self._t_s = 0.0
-        self._silences = Silences(
-            HUNG_S, "simulator", "detector", "tracker", "follower", "drive", "web"
-        )
-        self._onlooker = Onlooker()
+        self._touched = False
+        self._silences = Silences(HUNG_S, "simulator", *options.services)
 
-    def run(self) -> FollowingFigures:
+    def run(self) -> None:
         """Run until the end of the episode, of the asked time, or until told to stop.
 
         Raises:
-            HeelError: a service failed or hung, or the folder cannot be written to.
+            HeelError: a service failed or hung.
+            OSError: the logs cannot be written.
         """
         o = self._options
-        try:
-            o.out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise _cannot_write(o.out, error) from None
         with ExitStack() as stack:
             session, endpoint = stack.enter_context(open_private_router())
             inbox = stack.enter_context(Inbox(session))
             self._subscribe(inbox)
-            children = stack.enter_context(Children(o.out / "logs"))
-            parts: tuple[str, ...] = ("tracker", "follower", "drive", "simulator", "web")
-            parts += ("detector",) if o.perception == "pixels" else ()
-            self._note = stack.enter_context(
-                registered("demo", o.scenario, endpoint, parts, self._log)
-            )
+            children = stack.enter_context(Children(o.logs))
+            if o.page is not None:
+                self._note = stack.enter_context(
+                    registered("demo", o.scenario, endpoint, ("simulator", *o.services), self._log)
+                )
             self._start(session, endpoint, children)
-            self._look_on(session, inbox, children)
-        figures = self._tally.figures
-        self._write({"perception": o.perception, **asdict(figures)})
-        return figures
-
-    def _write(self, record: dict[str, object]) -> None:
-        whole = self._options.out / f".following.json.{os.getpid()}"
-        try:
-            with whole.open("x", encoding="utf-8") as file:
-                file.write(json.dumps(record, indent=2) + "\n")
-            whole.replace(self._options.out / "following.json")
-        except OSError as error:
-            whole.unlink(missing_ok=True)
-            raise _cannot_write(self._options.out, error) from None
+            self._look_on(inbox, children, Onlooker(self._recorder, _Click(session)))
 
     def _subscribe(self, inbox: Inbox) -> None:
         # This end writes a record: it keeps more than the newest message.
@@ -139,27 +159,28 @@ class WorldRun:
         o = self._options
         # None ends with the stream: anybody who reaches the router could end them with one message.
         common = ["--connect", endpoint]
-        wanted = {"tracker", "follower", "drive", "web"}
-        children.start("tracker", *common)
-        children.start("follower", *common)
-        children.start("drive", *common, "--driver", "simulated")
-        children.start("web", "--connect", endpoint, "--port", str(o.web_port))
-        if o.perception == "pixels":
-            children.start("detector", *common, *o.detector_flags)
-            wanted.add("detector")
-        await_present(session, children, wanted, self._stop)
+        common += ["--config", str(o.config)] if o.config is not None else []
+        flags = {
+            "drive": ["--driver", "simulated"],
+            "web": [] if o.page is None else ["--port", str(o.page.port)],
+            "detector": list(o.detector_flags),
+        }
+        for service in o.services:
+            children.start(service, *common, *flags.get(service, ()))
+        await_present(session, children, set(o.services), self._stop)
         children.start(
-            "simulator", o.scenario, "--connect", endpoint, "--seed", str(o.seed),
-            "--perception", o.perception, *(["--loop"] if o.episode_s is None else []),
-            *(["--truth", str(o.out / "truth.jsonl")] if o.keep_truth else []),
+            "simulator", o.scenario, *common, "--seed", str(o.seed), "--perception", o.perception,
+            *(["--loop"] if o.episode_s is None else []),
+            *(["--no-pictures"] if o.page is None and o.perception != "pixels" else []),
+            *(["--truth", str(o.truth)] if o.truth is not None else []),
         )  # fmt: skip
 
-    def _look_on(self, session: zenoh.Session, inbox: Inbox, children: Children) -> None:
+    def _look_on(self, inbox: Inbox, children: Children, onlooker: Onlooker) -> None:
         until_s = math.inf
         longest_s = _START_S
         truth = Silences(longest_s, "truth")
         truth.heard("truth", time.monotonic())
-        while not self._stop.is_set() and time.monotonic() < until_s:
+        while not (self._touched or self._stop.is_set()) and time.monotonic() < until_s:
             over = children.over("simulator")
             self._check(children)
             if truth.look(time.monotonic()) is not None and not over:
@@ -179,7 +200,7 @@ class WorldRun:
                 # Counted from the first picture on: how long the start takes is the machine's.
                 until_s = min(until_s, arrival.arrived_s + (self._options.seconds or math.inf))
             try:
-                self._take(session, arrival)
+                self._take(arrival, onlooker)
             except MessageError as error:
                 self._warn.warning(arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s)
 
@@ -203,41 +224,51 @@ class WorldRun:
         if (failure := children.failure()) is not None:
             raise failure
         if (early := children.ended("simulator")) is not None:
-            raise HeelError(f"{early} ended, and the demo with it{children.last_words(early)}")
+            raise HeelError(f"{early} ended, and the run with it{children.last_words(early)}")
         hung = self._silences.look(time.monotonic())
         if hung is not None and not children.over(hung):
             raise HeelError(f"{hung} is silent for {HUNG_S:g} s: it hangs or was stopped")
 
-    def _take(self, session: zenoh.Session, arrival: Arrival) -> None:
+    def _take(self, arrival: Arrival, onlooker: Onlooker) -> None:
         payload, encoding = arrival.payload, arrival.encoding
         if arrival.topic == "truth":
             truth = decode(SimTruth, payload, encoding)
             self._t_s = truth.t_s
-            self._tally.truth(truth)
-            self._onlooker.look(session, truth)
+            onlooker.truth(truth)
+            self._touched = self._options.ends_at_contact and truth.contact > 0
         elif arrival.topic == "world":
             decode(SimWorld, payload, encoding)
-            self._tally.episode()
-            self._onlooker.episode()
+            onlooker.episode()
         elif arrival.topic == "state":
-            self._tally.state(decode(FollowState, payload, encoding))
+            onlooker.state(decode(FollowState, payload, encoding))
         elif arrival.topic == "health":
             health = decode(Health, payload, encoding)
             self._silences.heard(health.service, arrival.arrived_s)
             self._tell_page(page_of(health))
         elif encoding != EndOfStream.encoding():
             # The end is told by the simulator's process, which is ours, and by no message.
-            self._tally.tracks(decode(Tracks, payload, encoding))
+            onlooker.tracks(decode(Tracks, payload, encoding))
 
     def _tell_page(self, url: str | None) -> None:
-        if url and not self._page_told and self._options.on_page is not None:
-            self._page_told = True
-            if self._note is not None:
-                self._note.page_is(url)
-            self._options.on_page(url)
+        page = self._options.page
+        if not url or self._page_told or page is None:
+            return
+        self._page_told = True
+        if self._note is not None:
+            self._note.page_is(url)
+        if page.on_page is not None:
+            page.on_page(url)
 
 
-def _cannot_write(out: Path, error: OSError) -> HeelError:
-    return HeelError(
-        f"--out {out}: {error.strerror}: give a folder that can be written to, on a disk with room"
-    )
+class _Click:
+    """Chooses as the page does, without waiting for the answer: the next state tells it."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._asked: Handler[zenoh.Reply] | None = None
+
+    def __call__(self, request: TargetRequest) -> None:
+        self._asked = self._session.get(
+            keys.FOLLOW_TARGET, FifoChannel(1), timeout=_ANSWER_S, payload=encode(request),
+            encoding=request.encoding(),
+        )  # fmt: skip

@@ -134,11 +134,11 @@ class _OneClick:
         self._claims: list[Claim] = []
 
     def act(
-        self, now_s: float, choose: Callable[[TargetRequest], Target], shown: Target,
-        truth: SimTruth, people_by_track: dict[int, int],
+        self, now_s: float, choose: Callable[[TargetRequest], object], shown: Target,
+        truth: SimTruth, people: dict[int, int],
     ) -> None:  # fmt: skip
         if self._clicked_s is not None:
-            self._watch(now_s - self._clicked_s, shown, people_by_track)
+            self._watch(now_s - self._clicked_s, shown, people)
         elif now_s >= _CLICK_S and not self._impossible:
             place = self._place(truth)
             self._impossible = place is None
@@ -158,10 +158,10 @@ class _OneClick:
             self._follower.state.reason, tuple(self._claims),
         )  # fmt: skip
 
-    def _watch(self, since_s: float, shown: Target, people_by_track: dict[int, int]) -> None:
+    def _watch(self, since_s: float, shown: Target, people: dict[int, int]) -> None:
         for track in self._eyes.tracks:
             if track.id == shown.track_id:
-                on = people_by_track.get(track.id)
+                on = people.get(track.id)
                 right = on is not None and (self._aim != "person" or on == self._person)
                 self._claims.append(Claim(track.identity_confidence, track.proven, right))
                 self._note(since_s, track, on, right)

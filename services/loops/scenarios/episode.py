@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import threading
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from heel.evaluation.following.log import EpisodeLog
@@ -24,7 +25,6 @@ from heel.services.runtime.settings import Loaded, load_settings
 from heel.services.simulator.robot import RobotBody
 from heel.services.simulator.scenarios import scenario
 from heel.services.simulator.state import CameraMount
-from heel.services.simulator.world import World
 from heel.services.tracker.settings import TrackerServiceSettings, TrackerSettings
 
 
@@ -79,33 +79,22 @@ def load_stack(
 
 def run_episode(settings: StackSettings, task: EpisodeTask) -> EpisodeResult:
     """Run the cores through one episode and score it; draw and film it if a folder is given."""
-    if task.out is not None:
-        _make_folder(task.out)
-    world = scenario(task.scenario, task.seed)
-    return _judged(_play(world, settings, task), settings, task)
+    return play_and_judge(partial(_play, settings), settings, task)
 
 
-def run_in_processes(
-    settings: StackSettings, config: Path | None, stop: threading.Event, task: EpisodeTask
+def play_and_judge(
+    play: Callable[[EpisodeTask], EpisodeLog], settings: StackSettings, task: EpisodeTask
 ) -> EpisodeResult:
-    """The same through the real processes, in real time, without a film.
+    """Score what becomes of one episode; draw it if a folder is given.
 
     Args:
-        settings: what the processes read from the same `config`.
-        config: settings file of the services.
-        stop: gives the episode up when set.
+        play: runs it.
+        settings: what the stack that plays is set to.
         task: which episode.
     """
-    # Here and not above: Zenoh must not be imported before `guarded` has forked.
-    from heel.services.loops.scenarios.processes import ProcessEpisode
-
     if task.out is not None:
         _make_folder(task.out)
-    log = ProcessEpisode(task.scenario, task.seed, config, stop).run()
-    return _judged(log, settings, task)
-
-
-def _judged(log: EpisodeLog, settings: StackSettings, task: EpisodeTask) -> EpisodeResult:
+    log = play(task)
     scores = score_episode(log, settings.max_speed_mps)
     if task.out is not None:
         title = f"{task.scenario}, seed {task.seed} ({settings.mode})"
@@ -121,8 +110,8 @@ def _make_folder(folder: Path) -> None:
         raise HeelError(f"{folder}: cannot be made ({error.strerror})") from error
 
 
-def _play(world: World, settings: StackSettings, task: EpisodeTask) -> EpisodeLog:
-    mount = CameraMount()
+def _play(settings: StackSettings, task: EpisodeTask) -> EpisodeLog:
+    world, mount = scenario(task.scenario, task.seed), CameraMount()
     cores = Follower(settings.follower), Drive(settings.drive)
     if settings.mode == "simulated boxes" and not task.video:
         boxes = SimulatedBoxes(world, mount, settings.tracker)

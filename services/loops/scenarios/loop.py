@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from heel.schemas import FrameId, MotionCommand, SimTruth, Target, TargetRequest, Tracks
 from heel.services.drive.core import Drive
 from heel.services.follower.core import Follower
+from heel.services.loops.judge import people_by_track
 from heel.services.loops.scenarios.perception import STREAM, Perception, Senses, camera_info
-from heel.services.loops.scenarios.user import Chooser, User
 from heel.services.loops.scenarios.witness import Moment, Witness
+from heel.services.loops.user import Chooser, User
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World
 
@@ -35,7 +36,7 @@ class _Sighting:
     t_capture_ms: int
     tracks: Tracks
     truth: SimTruth
-    people_by_track: dict[int, int]
+    people: dict[int, int]
 
 
 class ClosedLoop:
@@ -65,9 +66,8 @@ class ClosedLoop:
         self._film = film
         self._ranges = senses is None or senses.ranges
         self._frame_ms = round(1000 / mount.fps)
-        self._witness = Witness(world, mount)
-        self._target = [person.role for person in world.people].index("target")
-        self._user: Chooser = User(self._target) if user is None else user
+        self._witness = Witness(world)
+        self._user: Chooser = User() if user is None else user
         self._visible = [0.0] * len(world.people)
         self._sightings: deque[_Sighting] = deque()
         self._newest: _Sighting | None = None
@@ -102,9 +102,8 @@ class ClosedLoop:
         tracks = self._perception.see(frame)
         self._visible = [person.visible for person in truth.people]
         self._sightings.append(
-            _Sighting(now_ms + TRACKS_AGE_MS, now_ms, tracks, truth,
-                      self._witness.people_of(truth, tracks))
-        )  # fmt: skip
+            _Sighting(now_ms + TRACKS_AGE_MS, now_ms, tracks, truth, people_by_track(truth, tracks))
+        )
         if self._film is not None:
             self._film.add(tracks, self._follower.state)
         self._frames += 1
@@ -130,9 +129,7 @@ class ClosedLoop:
         while self._sightings and self._sightings[0].due_ms <= now_ms:
             newest = self._newest = self._sightings.popleft()
             self._follower.observe(newest.tracks, _TRACKER)
-            self._user.act(
-                now_s, self._choose, self._follower.target, newest.truth, newest.people_by_track
-            )
+            self._user.act(now_s, self._choose, self._follower.target, newest.truth, newest.people)
 
     def _choose(self, request: TargetRequest) -> Target:
         target = self._follower.choose(request)
@@ -141,7 +138,7 @@ class ClosedLoop:
         return target
 
     def _record(self) -> None:
-        on = {} if self._newest is None else self._newest.people_by_track
+        on = {} if self._newest is None else self._newest.people
         moment = Moment.of_world(self._world, self._visible)
         self._witness.record(moment, self._follower.state, on)
 

@@ -7,16 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.evaluation.alignment import best_pairs, iou_matrix
 from heel.evaluation.following.log import NOBODY, EpisodeLog
-from heel.schemas import FollowState, SimTruth, Tracks
+from heel.schemas import FollowState, SimTruth
+from heel.services.loops.judge import acted_upon
 from heel.services.loops.scenarios.floor import Floor
-from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World
-
-_LEAST_IOU = 0.3
-_ACTING = ("following", "occluded")
-"""States in which the follower moves, or would, for the person its track is on."""
 
 Reals = NDArray[np.float64]
 
@@ -68,47 +63,26 @@ class Witness:
 
     Args:
         world: the episode's, for what never changes in it.
-        mount: the robot's camera.
     """
 
-    def __init__(self, world: World, mount: CameraMount) -> None:
+    def __init__(self, world: World) -> None:
         self._world = world
-        self._mount = mount
         self._target = [person.role for person in world.people].index("target")
         self._moments: list[Moment] = []
         self._followed: list[int] = []
         self._states: list[str] = []
 
-    def people_of(self, truth: SimTruth, tracks: Tracks) -> dict[int, int]:
-        """Who each track is on: index of the person by track id; tracks on nobody are left out.
-
-        Tracks and people are paired one to one at the highest total IoU, from 0.3 on, within the
-        picture. Others than the target only count while anything of them can be seen.
-        """
-        size = (self._mount.width_px, self._mount.height_px)
-        present = [
-            index
-            for index, person in enumerate(truth.people)
-            if person.box_xyxy is not None and (person.visible > 0 or index == self._target)
-        ]
-        boxes = _clipped([truth.people[index].box_xyxy or (0, 0, 0, 0) for index in present], size)
-        ids = [track.id for track in tracks.tracks]
-        overlaps = iou_matrix(_clipped([track.box_xyxy for track in tracks.tracks], size), boxes)
-        rows, columns = best_pairs(overlaps, _LEAST_IOU)
-        return {ids[row]: present[column] for row, column in zip(rows, columns, strict=True)}
-
-    def record(self, moment: Moment, state: FollowState, people_by_track: dict[int, int]) -> None:
+    def record(self, moment: Moment, state: FollowState, people: dict[int, int]) -> None:
         """Write down this moment.
 
         Args:
             moment: the world.
             state: what the follower does now.
-            people_by_track: of the newest tracks that the follower has.
+            people: index of the person by track id, of the newest tracks that the follower has.
         """
         self._moments.append(moment)
-        acting = state.state in _ACTING and state.target.track_id is not None
-        on = people_by_track.get(state.target.track_id or 0, NOBODY) if acting else NOBODY
-        self._followed.append(on)
+        person = acted_upon(state, people)
+        self._followed.append(NOBODY if person is None else person)
         self._states.append(state.state)
 
     def log(self) -> EpisodeLog:
@@ -137,9 +111,3 @@ class Witness:
             contact=np.array([moment.contact for moment in self._moments]),
             state=np.array(self._states),
         )
-
-
-def _clipped(boxes: list[tuple[float, float, float, float]], size: tuple[int, int]) -> Reals:
-    """(N, 4) the parts of boxes within the picture; empty boxes where nothing is."""
-    limits = np.array([size[0], size[1], size[0], size[1]], np.float64)
-    return np.clip(np.array(boxes, np.float64).reshape(-1, 4), 0.0, limits)

@@ -1,10 +1,15 @@
+"""The figures of a simulated world that goes on and on."""
+
 from __future__ import annotations
+
+import json
+from pathlib import Path
 
 import pytest
 
-from heel.schemas import FollowState, Pose, SimPerson, SimTruth, Target, Track, Tracks
+from heel.schemas import FollowState, Pose, SimPerson, SimTruth, Target
 from heel.schemas.follow import FollowStateName
-from heel.services.run.following import FollowingTally
+from heel.services.run.following import FollowingTally, write_figures
 
 FRAME_S = 0.1
 TARGET_BOX, OTHER_BOX = (100.0, 100.0, 150.0, 250.0), (300.0, 100.0, 350.0, 250.0)
@@ -24,17 +29,6 @@ def truth(seq: int, x_m: float = 0.0, contact: int = 0) -> SimTruth:
     )  # fmt: skip
 
 
-def tracks(seq: int, box: tuple[float, float, float, float]) -> Tracks:
-    track = Track(
-        id=7, state="tracked", box_xyxy=box, velocity_pxps=(0.0, 0.0), area_px=1.0, span_px=1.0,
-        identity_confidence=1.0, shown=True,
-    )  # fmt: skip
-    return Tracks(
-        stream="front", epoch=1, seq=seq, index=seq, t_capture_ns=0, width=640, height=480,
-        source_width=640, source_height=480, tracks=(track,),
-    )  # fmt: skip
-
-
 def state(name: FollowStateName, track_id: int | None = 7) -> FollowState:
     return FollowState(
         seq=0, state=name, reason="", estop=False, linear_mps=0.0, angular_radps=0.0,
@@ -43,25 +37,23 @@ def state(name: FollowStateName, track_id: int | None = 7) -> FollowState:
 
 
 @pytest.mark.parametrize(
-    ("name", "box", "followed_s", "wrong_s"),
+    ("name", "people", "followed_s", "wrong_s"),
     [
-        ("following", TARGET_BOX, 1.0, 0.0),
-        ("occluded", TARGET_BOX, 1.0, 0.0),
-        ("following", OTHER_BOX, 0.0, 1.0),
-        ("following", (500.0, 0.0, 550.0, 100.0), 0.0, 0.0),
-        ("unsure", OTHER_BOX, 0.0, 0.0),
-        ("stopped", TARGET_BOX, 0.0, 0.0),
+        ("following", {7: 0}, 1.0, 0.0),
+        ("occluded", {7: 0}, 1.0, 0.0),
+        ("following", {7: 1, 8: 0}, 0.0, 1.0),
+        ("following", {8: 0}, 0.0, 0.0),
+        ("unsure", {7: 1}, 0.0, 0.0),
+        ("stopped", {7: 0}, 0.0, 0.0),
     ],
 )
 def test_whom_the_robot_acts_upon(
-    name: FollowStateName, box: tuple[float, float, float, float], followed_s: float, wrong_s: float
+    name: FollowStateName, people: dict[int, int], followed_s: float, wrong_s: float
 ) -> None:
     tally = FollowingTally()
     tally.episode()
-    tally.state(state(name))
-    for seq in range(10):
-        tally.truth(truth(seq))
-        tally.tracks(tracks(seq, box))
+    for seq in range(11):
+        tally.record(truth(seq), state(name), people)
     assert tally.figures.followed_s == pytest.approx(followed_s)
     assert tally.figures.wrong_s == pytest.approx(wrong_s)
 
@@ -71,7 +63,7 @@ def test_way_distance_gap_and_contacts_over_two_episodes() -> None:
     for _ in range(2):
         tally.episode()
         for seq in range(11):
-            tally.truth(truth(seq, x_m=seq * 0.1, contact=int(seq >= 5)))
+            tally.record(truth(seq, x_m=seq * 0.1, contact=int(seq >= 5)), None, {})
     figures = tally.figures
     assert figures.episodes == 2
     assert figures.time_s == pytest.approx(2.0)
@@ -79,14 +71,15 @@ def test_way_distance_gap_and_contacts_over_two_episodes() -> None:
     assert figures.contacts == 2
     assert figures.least_gap_m == pytest.approx(2.0 - 0.5)
     assert figures.mean_distance_m == pytest.approx(2.45)
+    assert figures.followed_s == figures.wrong_s == 0.0
 
 
-def test_frames_that_are_not_known_count_for_nothing() -> None:
+def test_the_file_is_whole_or_not_there(tmp_path: Path) -> None:
     tally = FollowingTally()
-    tally.state(state("following"))
-    tally.tracks(tracks(3, TARGET_BOX))
-    for seq in range(1000):
-        tally.truth(truth(seq))
-    tally.tracks(tracks(3, TARGET_BOX))
-    assert tally.figures.followed_s == 0.0
-    assert tally.figures.mean_distance_m == pytest.approx(3.0)
+    tally.episode()
+    write_figures(tally.figures, "pixels", tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == ["following.json"]
+    written = json.loads((tmp_path / "following.json").read_text())
+    assert (written["perception"], written["episodes"]) == ("pixels", 1)
+    with pytest.raises(OSError, match="No such file"):
+        write_figures(tally.figures, "pixels", tmp_path / "none")
