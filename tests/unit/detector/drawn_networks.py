@@ -50,7 +50,7 @@ def red_finder(file: Path, kind: Kind = "yolox", width: int = SIDE, height: int 
         nodes.append(helper.make_node("Transpose", [last], ["rows"], perm=[0, 2, 1]))
         last = "rows"
     count = sum((width // stride) * (height // stride) for stride in STRIDES)
-    output = [1, 5, count] if kind == "yolov8" else [1, count, 6]
+    output: list[int | str] = [1, 5, count] if kind == "yolov8" else [1, count, 6]
     return saved(file, nodes, weights, (last, output), [1, 3, height, width])
 
 
