@@ -13,7 +13,7 @@ define CHECK_PYTHON
 	|| { echo "Heel needs Python 3.11 or newer: make PYTHON=/path/to/python3.11 ..."; exit 1; }
 endef
 
-.PHONY: help demo test check lint layers types test-docker test-slow same same-short bench results peers clean
+.PHONY: help demo test check lint layers types docs test-docker test-slow same same-short bench results peers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
@@ -49,6 +49,9 @@ layers: $(READY)  ## which module may import which
 types: $(READY)  ## types
 	$(BIN)/mypy
 
+docs: $(READY)  ## build the documentation site in site/, with strict links
+	PYTHONPATH=. $(BIN)/zensical build --clean --strict
+
 check: lint layers types test  ## everything but Docker and the slow tests
 
 same: $(READY)  ## does everything still come out the same, on all recordings, scenes and episodes
@@ -81,4 +84,4 @@ peers: $(PEERS)/ready  ## score association beside four public trackers and writ
 	$(PEERS)/bin/python -m benchmarks.association --write docs/records/association.md
 
 clean:  ## remove the environments and caches
-	rm -rf $(VENV) $(PEERS) .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(PEERS) .cache site .pytest_cache .mypy_cache .ruff_cache .hypothesis

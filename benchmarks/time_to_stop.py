@@ -6,7 +6,7 @@ emergency stop something stands in for capture, detector and tracker. A trial co
 wheels turned at that moment. The wheels are those that the drive's driver is
 told (`record`, CLOCK_MONOTONIC).
 
-Example run: python -m benchmarks.time_to_stop --trials 20 --write docs/guides/robot.md
+Example run: python -m benchmarks.time_to_stop --trials 20 --write docs/records/stopping.md
 """
 
 from __future__ import annotations

@@ -293,6 +293,11 @@ def know_tables(models: Mapping[str, type[BaseModel]]) -> None:
     _known_tables.update(models)
 
 
+def known_tables() -> Mapping[str, type[BaseModel]]:
+    """The tables told so far, by name; the shared ones, `zenoh` and `log`, are not among them."""
+    return dict(_known_tables)
+
+
 _known_tables: dict[str, type[BaseModel]] = {}
 
 

@@ -80,7 +80,7 @@ def test_every_extra_is_in_all_and_every_hint_names_what_pip_finds_anywhere() ->
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     assert extras["all"] == ["heel-follow[eval,neural,sim]"]
-    assert set(extras) == {"eval", "neural", "sim", "all", "dev"}
+    assert set(extras) == {"eval", "neural", "sim", "all", "dev", "docs"}
     offered = {line.split(">")[0] for name in ("eval", "neural", "sim") for line in extras[name]}
     texts = [path.read_text() for name in PACKAGES for path in (REPOSITORY / name).rglob("*.py")]
     texts += [path.read_text() for path in (REPOSITORY / "docs").rglob("*.md")]

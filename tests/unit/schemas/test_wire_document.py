@@ -14,7 +14,7 @@ from heel.services.runtime import qos
 from heel.services.runtime.qos import TopicQos
 from tests.support import network
 from tests.support.processes import running
-from tests.support.wire_document import DOCUMENT, named, rewritten, tables
+from tools.site.wire_tables import DOCUMENT, named, rewritten, tables
 
 _TEXT = DOCUMENT.read_text(encoding="utf-8")
 _EXAMPLE = re.search(r"```python\n(.*?)```", _TEXT, re.DOTALL)
@@ -40,7 +40,7 @@ _TOPICS: dict[str, TopicQos] = {
 
 
 def test_field_tables_are_those_of_the_schemas() -> None:
-    """`python -m tests.support.wire_document` makes them anew."""
+    """`python -m tools.site.wire_tables` makes them anew."""
     assert rewritten(_TEXT) == _TEXT
 
 

@@ -1,6 +1,6 @@
 """The tables of docs/reference/wire.md, made from the schemas.
 
-`python -m tests.support.wire_document` rewrites them; a test compares.
+`python -m tools.site.wire_tables` rewrites them; a test compares.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from heel.schemas.export import json_schemas
-from tests.support.processes import REPOSITORY
+from tools.site import REPOSITORY
 
 DOCUMENT = REPOSITORY / "docs" / "reference" / "wire.md"
 _TABLE = re.compile(r"(<!-- fields: ([A-Za-z-]+) -->\n).*?(<!-- end of fields -->)", re.DOTALL)
@@ -63,7 +63,7 @@ def _type(field: dict[str, Any]) -> str:
         return f"`{field['const']}`"
     if "enum" in field:
         return ", ".join(f"`{value}`" for value in field["enum"])
-    return _BY_TYPE[field["type"]](field)
+    return str(_BY_TYPE[field["type"]](field))
 
 
 def _number(field: dict[str, Any]) -> str:
