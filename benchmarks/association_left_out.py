@@ -9,6 +9,7 @@ chosen with all sequences in view, may be trusted elsewhere.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -18,25 +19,24 @@ from heel.evaluation.motchallenge import read_ground_truth
 from heel.evaluation.report import SequenceScores, score_sequence
 from heel.services.commands.track_detections import read_given, shown_rows
 from heel.services.tracker.given_boxes.sequence import track_sequence
-from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
+from heel.services.tracker.given_boxes.tuning import FILE, Tuning
 
-GRID = {"rivals": (0.05, 0.1, 0.2, 1.0), "recent_s": (0.4, 0.7)}
+GRID = {"rivals": (0.05, 0.1, 0.2, 1.0), "forget_s": (0.4, 0.7)}
 _WRONG_WEIGHS = 4.0
 
 Setting = tuple[float, ...]
-"""Values of the settings in `GRID`, in their order, all of the table [life]."""
+"""Values of the fields of `Tuning` in `GRID`, in their order."""
 
 
-def settings_of(setting: Setting) -> BoxTrackerSettings:
-    """The defaults but for one point of the grid."""
-    changes = dict(zip(GRID, setting, strict=True))
-    return BoxTrackerSettings.model_validate({"life": changes})
+def tuning_of(setting: Setting) -> Tuning:
+    """The usual numbers but for one point of the grid."""
+    return replace(FILE, **dict(zip(GRID, setting, strict=True)))
 
 
 def scores_on(folder: Path, setting: Setting) -> SequenceScores:
     """Scores of one sequence with one setting."""
     given = read_given(folder)
-    rows = shown_rows(track_sequence(given, settings_of(setting)))
+    rows = shown_rows(track_sequence(given, tuning_of(setting)))
     truth = read_ground_truth(folder / "gt" / "gt.txt")
     return score_sequence(align(truth, rows, name=folder.name, frame_count=frame_count(given)))
 

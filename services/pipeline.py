@@ -142,6 +142,8 @@ def load_pipeline(
     tracker: Loaded[TrackerServiceSettings] = load_settings(
         "tracker", TrackerServiceSettings, {"tracker": {"preset": preset}}, file
     )
+    if detector.service.sends_people:
+        tracker.service.check("people")
     follower: Loaded[FollowerServiceSettings] = load_settings(
         "follower", FollowerServiceSettings, {"follower": {"target": target}}, file
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,8 +16,8 @@ if TYPE_CHECKING:
 
     from heel.evaluation.rows import BoxRows
     from heel.services.tracker.given_boxes.sequence import GivenSequence, Picture
-    from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
     from heel.services.tracker.given_boxes.track import TrackOutput
+    from heel.services.tracker.settings import TrackerSettings
 
 _REACH = 1.5
 """Boxes may go on outside of the picture, but not so far."""
@@ -47,17 +46,25 @@ def track_detections(
     ] = None,
     config: Annotated[
         Path | None,
-        typer.Option(help="settings file (TOML) with tables such as [life]", metavar="FILE"),
+        typer.Option(help="settings file (TOML): the tracker's table counts", metavar="FILE"),
     ] = None,
 ) -> None:  # fmt: skip
     """Give the boxes of DET identities, online; write MOTChallenge rows to TRACKS."""
     from heel.evaluation.motchallenge import write_tracks
     from heel.services.capture.numbered_pictures import pictures_by_number
     from heel.services.tracker.given_boxes.sequence import track_sequence
+    from heel.services.tracker.given_boxes.tuning import FILE, tuned
 
     given = read_given(detections, fps, image_size)
     picture = None if frames is None else _of_size(pictures_by_number(frames), given, frames)
-    rows = shown_rows(track_sequence(given, _settings(config), picture))
+    settings = _settings(config)
+    if settings.min_height is not None and given.image_size is None:
+        raise SettingsError(
+            f"tracker.min_height = {settings.min_height:g}: it is a share of the picture's height: "
+            "give --image-size"
+        )
+    picture = picture if settings.identify else None
+    rows = shown_rows(track_sequence(given, tuned(FILE, settings), picture))
     write_tracks(out, rows)
     people = len(set(rows.identities.tolist()))
     typer.echo(f"wrote {out}: {len(rows)} boxes, {people} identities")
@@ -134,24 +141,11 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _settings(file: Path | None) -> BoxTrackerSettings:
-    from pydantic import ValidationError
+def _settings(file: Path | None) -> TrackerSettings:
+    from heel.services.runtime.settings import load_settings
+    from heel.services.tracker.settings import TrackerServiceSettings
 
-    from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
-
-    if file is None:
-        return BoxTrackerSettings()
-    try:
-        return BoxTrackerSettings.model_validate(tomllib.loads(file.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise SettingsError(f"settings file {file}: {error.strerror}: check the path") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"settings file {file} is not TOML: {error}") from None
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        value = f"{first.get('input')!r:.80}"
-        raise SettingsError(f"settings file {file}: {where} = {value}: {first['msg']}") from None
+    return load_settings("tracker", TrackerServiceSettings, {}, file).service
 
 
 def _of_size(picture: Picture, given: GivenSequence, where: Path) -> Picture:

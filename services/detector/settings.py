@@ -107,6 +107,11 @@ class DetectorSettings(BaseModel):
         given = {name: value for name, value in data.items() if value is not None}
         return {**_PAPER, **given} if given.get("preset") == "paper" else given
 
+    @property
+    def sends_people(self) -> bool:
+        """Whether it is known before the first frame that people's boxes are sent, not regions."""
+        return self.detector == "onnx" or (self.detector == "auto" and self.model is not None)
+
     @model_validator(mode="after")
     def _blur_is_odd(self) -> DetectorSettings:
         if self.blur_px and self.blur_px % 2 == 0:

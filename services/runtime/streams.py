@@ -9,6 +9,7 @@ from heel.schemas import (
     DriveState,
     EndOfStream,
     Header,
+    HeelError,
     Message,
     MessageError,
     MotionCommand,
@@ -149,8 +150,8 @@ class StreamJudge:
     def __post_init__(self) -> None:
         self.watch = SequenceWatch(self.live)
 
-    def refuse(self, arrival: Arrival, error: MessageError) -> None:
-        """Count a malformed message and say so, at most once a second."""
+    def refuse(self, arrival: Arrival, error: HeelError) -> None:
+        """Count a message that is malformed, or that the settings forbid; say so once a second."""
         self.statistics.malformed += 1
         self.warn.warning(f"{self.topic}-malformed", f"{arrival.key}: {error}", arrival.arrived_s)
 

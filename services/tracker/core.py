@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +13,11 @@ from heel.services.geometry.calibration_file import Calibration, read_calibratio
 from heel.services.tracker.blob.tracker import BlobTracker
 from heel.services.tracker.fitted.tracker import FittedTracker
 from heel.services.tracker.given_boxes.people import PeopleTracker
-from heel.services.tracker.settings import TrackerSettings
+from heel.services.tracker.settings import Input, TrackerSettings
 from heel.services.tracker.sought import SoughtTracker
 from heel.services.tracker.timing import FrameClock
+
+_log = logging.getLogger(__name__)
 
 Method = BlobTracker | FittedTracker | PeopleTracker | SoughtTracker
 
@@ -40,7 +44,7 @@ class Tracker:
         self._calibration = calibration
         self._scene: tuple[object, ...] | None = None
         self._clock = FrameClock()
-        self._method: Method = self._preset(next_id=1)
+        self._method: Method = self._on_foreground(next_id=1)
 
     def update(self, blobs: Blobs) -> Tracks:
         """Take in one frame.
@@ -51,6 +55,7 @@ class Tracker:
 
         Raises:
             MessageError: the evidence map does not unpack; nothing has changed then.
+            SettingsError: a setting has no meaning for blobs of this kind; likewise.
         """
         evidence = None if blobs.evidence is None else blobs.evidence.array()
         scene = (
@@ -59,6 +64,7 @@ class Tracker:
         if not _is_a_step(blobs):
             blobs = blobs.model_copy(update={"camera_motion": None})
         if scene != self._scene:
+            self.settings.check(_input(blobs))
             self.settle()  # it may use up ids
             self._scene = scene
             self._clock = FrameClock()
@@ -76,14 +82,18 @@ class Tracker:
             self._method.settle()
 
     def _started(self, blobs: Blobs, next_id: int) -> Method:
-        if blobs.sought is not None:
-            return SoughtTracker(next_id)
-        if blobs.kind == "people":
+        kind = _input(blobs)
+        if kind == "foreground":
+            return self._on_foreground(next_id)
+        reporting, identify = self.settings.reporting(kind), self.settings.identify
+        if kind == "people":
             size = (blobs.width, blobs.height)
-            return PeopleTracker(size, next_id)
-        return self._preset(next_id)
+            return PeopleTracker(size, next_id, self.settings)
+        if self._calibration is not None:
+            _log.warning("tracker.calibration has no part in tracking a person pointed at")
+        return SoughtTracker(next_id, reporting, identify)
 
-    def _preset(self, next_id: int) -> Method:
+    def _on_foreground(self, next_id: int) -> Method:
         if self.settings.preset == "paper":
             return BlobTracker(next_id)
         return FittedTracker(self.settings, next_id, self._calibration)
@@ -102,6 +112,12 @@ def configured(settings: TrackerSettings) -> Tracker:
     """
     file = settings.calibration
     return Tracker(settings, None if file is None else read_calibration(file))
+
+
+def _input(blobs: Blobs) -> Input:
+    if blobs.sought is not None:
+        return "pointed-at"
+    return "people" if blobs.kind == "people" else "foreground"
 
 
 _MOST_ZOOM = 2.0

@@ -7,6 +7,7 @@ import time
 import cv2
 
 from heel.schemas import Blobs, MessageError, keys
+from heel.schemas.errors import SettingsError
 from heel.services.runtime import qos
 from heel.services.runtime.service import ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
@@ -31,7 +32,7 @@ def serve(context: ServiceContext[TrackerServiceSettings]) -> None:
         with context.surviving("tracking"):
             try:
                 tracks = tracker.update(received.message)
-            except MessageError as error:
+            except (MessageError, SettingsError) as error:
                 judge.refuse(arrival, error)
                 continue
             now_s = time.monotonic()

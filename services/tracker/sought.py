@@ -9,22 +9,25 @@ import numpy as np
 from heel.schemas import Blob, Blobs, Track
 from heel.schemas.base import BoxXyxy
 from heel.services.tracker.given_boxes.carry import CameraStep
+from heel.services.tracker.settings import Reporting
 
 _CONFIRM_FRAMES = 3
-_REMEMBERED_S = 1.0
-"""Time unseen for which a place is told."""
 _SPEED_MEMORY_S = 0.3
 
 
 class SoughtTracker:
     """Blobs of which each is the same person. Whether it is they, their score says."""
 
-    def __init__(self, next_id: int = 1) -> None:
+    def __init__(self, next_id: int, reporting: Reporting, identify: bool = True) -> None:
         """Start with nobody seen yet.
 
         Args:
             next_id: the id to give out.
+            reporting: who is shown, and for how long unseen.
+            identify: whether a person who was forgotten is the same one when found again.
         """
+        self._reporting = reporting
+        self._identify = identify
         self.next_id = next_id + 1
         self._id = next_id
         self._box: BoxXyxy | None = None
@@ -45,11 +48,14 @@ class SoughtTracker:
             self._see(blobs.blobs[0], dt_s)
         else:
             self._miss(blobs, dt_s)
-        if self._box is None or self._missed_s > _REMEMBERED_S:
+        if self._box is None or self._missed_s > self._reporting.forget_s:
             return []
-        return [self._track(self._box)]
+        return [self._track(self._box, blobs.height)]
 
     def _see(self, blob: Blob, dt_s: float) -> None:
+        if self._missed_s > self._reporting.forget_s and not self._identify:
+            self._id, self.next_id = self.next_id, self.next_id + 1
+            self._seen_frames = 0
         if self._box is None or self._missed_frames:
             self._velocity = (0.0, 0.0)
         else:
@@ -79,7 +85,7 @@ class SoughtTracker:
         left, top, right, bottom = self._box
         self._box = (left + x, top + y, right + x, bottom + y) if by_the_frame else None
 
-    def _track(self, box: BoxXyxy) -> Track:
+    def _track(self, box: BoxXyxy, rows: int) -> Track:
         left, top, right, bottom = box
         confirmed = self._seen_frames >= _CONFIRM_FRAMES
         seen = self._missed_frames == 0
@@ -92,7 +98,9 @@ class SoughtTracker:
             span_px=right - left,
             identity_confidence=self._confidence,
             missed_frames=self._missed_frames,
-            shown=confirmed and seen,
+            shown=confirmed
+            and self._missed_s <= self._reporting.show_missed_s
+            and bottom - top >= self._reporting.min_height * rows,
             proven=self._proven,
         )
 

@@ -10,7 +10,7 @@ from heel.schemas.blobs import FOREGROUND, MOVING
 from heel.services.tracker.fitted.arrays import Box, Image, overlap
 from heel.services.tracker.fitted.canvas import Canvas, Fit
 from heel.services.tracker.fitted.person import Person
-from heel.services.tracker.settings import TrackerSettings
+from heel.services.tracker.settings import Reporting
 
 CONFIRM_HITS = 3
 _CONFIRM_MOVED = 0.2
@@ -19,6 +19,8 @@ _CONFIRM_MOVING_HITS, _MOVING_SHARE, _MOVING_GAIN = 3, 0.2, 0.3
 _SAME_AFTER_S, _HIDDEN_AFTER_S = 0.4, 1.5
 _SAME_IOU, _SAME_CONTAINED, _NEVER_CLEAN = 0.5, 0.7, 0.7
 _LEAST_INSIDE = 0.2
+_DUPLICATE_GAIN = 0.15
+"""Below this gain a person may be another one's double; chosen by hand."""
 EARLY_S, _GHOST_AFTER_S, _GHOST_MOVED = 5.0, 1.0, 0.7
 """Who was found soon after the start, never went farther, heights, and does not move at all is what
 somebody left behind who was learned as background: people who stand there came from somewhere."""
@@ -81,13 +83,11 @@ def moving_share(evidence: Image, box: Box) -> float:
     return float(moving) / max(float(np.count_nonzero(part >= FOREGROUND)), 1.0)
 
 
-def without_duplicates(
-    people: Sequence[Person], ratio: float, dt_s: float, duplicate_gain: float
-) -> list[Person]:
+def without_duplicates(people: Sequence[Person], ratio: float, dt_s: float) -> list[Person]:
     """Leave out those who for a while explained nothing that an older one on the spot does not."""
     gone: set[int] = set()
     for person in people:
-        explains = person.gain >= duplicate_gain
+        explains = person.gain >= _DUPLICATE_GAIN
         person.duplicate_s = 0.0 if explains else person.duplicate_s + dt_s
         # Who was once seen alone is hidden, most likely, and not somebody's double.
         was_clean = person.best_gain >= _NEVER_CLEAN
@@ -105,22 +105,22 @@ def _same(person: Person, other: Person, ratio: float) -> bool:
     return common > _SAME_IOU or hidden
 
 
-def is_alive(person: Person, canvas: Canvas, ratio: float, settings: TrackerSettings) -> bool:
+def is_alive(person: Person, canvas: Canvas, ratio: float, reporting: Reporting) -> bool:
     """Not forgotten, in the image, and not too small to be told from clutter."""
     _, top, _, bottom = person.box(ratio)
     inside = 0 <= person.foot[0] < canvas.columns and top < canvas.rows and bottom > 0
     lowest = _KNOWN_HEIGHT if person.confirmed else CLUTTER_HEIGHT
-    large = person.height > lowest * settings.min_height * canvas.rows
+    large = person.height > lowest * reporting.min_height * canvas.rows
     if person.born_early and person.still_s > _GHOST_AFTER_S and person.moved() < _GHOST_MOVED:
         return False
     here = inside and person.inside > _LEAST_INSIDE and large
-    return here and not is_forgotten(person, settings)
+    return here and not is_forgotten(person, reporting.forget_s)
 
 
-def is_forgotten(person: Person, settings: TrackerSettings) -> bool:
+def is_forgotten(person: Person, forget_s: float) -> bool:
     """Missed for too long."""
     if person.confirmed:
-        return person.missed_s > settings.forget_s
+        return person.missed_s > forget_s
     return person.missed_frames >= 2
 
 

@@ -11,7 +11,7 @@ from heel.schemas.tracks import TrackState
 from heel.services.tracker.fitted.arrays import overlap
 from heel.services.tracker.fitted.person import Person
 from heel.services.tracker.fitted.scale import SceneScale
-from heel.services.tracker.settings import TrackerSettings
+from heel.services.tracker.settings import Reporting
 
 _SIDE, _BELOW = 0.03, 0.02
 """Margin of the box around the silhouette: arms and feet reach out."""
@@ -28,11 +28,11 @@ class Reporter:
     """Says in frame pixels what is known in working pixels."""
 
     def __init__(
-        self, blobs: Blobs, shape: tuple[int, ...], scale: SceneScale, settings: TrackerSettings
+        self, blobs: Blobs, shape: tuple[int, ...], scale: SceneScale, reporting: Reporting
     ) -> None:
         self._scale_x, self._scale_y = blobs.width / shape[1], blobs.height / shape[0]
         self._scale = scale
-        self._settings = settings
+        self._reporting = reporting
         self._may_be_cut = _CUT_STANDING if blobs.camera_motion is None else _CUT_MOVING
 
     def tracks(self, people: Sequence[Person]) -> list[Track]:
@@ -76,11 +76,11 @@ class Reporter:
         Far people must be large enough and have their heads in view; near ones may be cut.
         """
         hidden = person.in_view < OCCLUDED_BELOW
-        patience_s = self._settings.show_missed_s * (1.0 if hidden else 0.5)
+        patience_s = self._reporting.show_missed_s * (1.0 if hidden else 0.5)
         rows = self._scale.rows
         head = person.foot[1] - person.height
         whole = head > -self._may_be_cut * person.height or person.height > 0.5 * rows
-        large = person.height > self._settings.min_height * rows
+        large = person.height > self._reporting.min_height * rows
         return person.confirmed and person.missed_s <= patience_s and whole and large
 
     def _in_front(self, person: Person, people: Sequence[Person]) -> tuple[int, ...]:

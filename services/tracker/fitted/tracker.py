@@ -51,6 +51,12 @@ _NOISE, _NOISE_HIDDEN, _CLEAR_GAIN = 0.03, 0.15, 0.5
 _MEASURE_EVERY, _MEASURE_GAIN, _MEASURE_VISIBILITY = 3, 0.45, 0.5
 _HEIGHT_DEVIATION = 0.12
 _LOOK_EVERY = 2
+_BIRTH_GAIN = 0.35
+"""Least gain of a new person; chosen by hand."""
+_MIN_IN_VIEW = 0.25
+"""Share of a person that nobody nearer covers, below which nothing is measured; chosen by hand."""
+_ACCELERATION = 1.2
+"""Standard deviation of acceleration [heights/s^2]: people stop and turn within half a second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +84,8 @@ class FittedTracker:
         self._calibration = calibration
         self._ids = Ids(next_id)
         self._now_s = 0.0
-        self._settings = settings
+        self._reporting = settings.reporting("foreground")
+        self._identifies = settings.identify
         self._people: list[Person] = []
         self._scale: SceneScale | None = None
         self._canvas: Canvas | None = None
@@ -106,7 +113,7 @@ class FittedTracker:
             rows = evidence.shape[0]
             self._shape = evidence.shape
             given = line_of(self._calibration, self._shape) if self._calibration else None
-            smallest = CLUTTER_HEIGHT * self._settings.min_height * rows
+            smallest = CLUTTER_HEIGHT * self._reporting.min_height * rows
             self._scale = SceneScale(rows, smallest, given=given)
             self._people = []
             self._identities = Identities(self._ids)
@@ -122,7 +129,7 @@ class FittedTracker:
             self._people = [person for person in self._people if self._outlasts(person, dt_s)]
         else:
             self._take_in(blobs, evidence, self._scale, dt_s)
-        return Reporter(blobs, self._shape, self._scale, self._settings).tracks(self._people)
+        return Reporter(blobs, self._shape, self._scale, self._reporting).tracks(self._people)
 
     def settle(self) -> None:
         """Look at people and at the scene's scale in the frame before, unless that is done.
@@ -131,7 +138,7 @@ class FittedTracker:
         """
         frame, self._unsettled = self._unsettled, None
         if frame is not None and self._scale is not None:
-            if self._settings.identify:
+            if self._identifies:
                 self._identify(frame.blobs, frame.evidence, self._scale.ratio, frame.dt_s)
             self._scale.update(frame.weighted)
 
@@ -152,7 +159,7 @@ class FittedTracker:
 
     def _outlasts(self, person: Person, dt_s: float) -> bool:
         person.miss(dt_s)
-        return not is_forgotten(person, self._settings)
+        return not is_forgotten(person, self._reporting.forget_s)
 
     def _take_in(self, blobs: Blobs, evidence: Image, scale: SceneScale, dt_s: float) -> None:
         weighted = np.asarray(cv2.LUT(evidence, _WEIGHT), np.float32)
@@ -163,9 +170,9 @@ class FittedTracker:
             person.in_view = in_view[person.id]
             self._measure(canvas, person, fits.get(person.id), dt_s, scale)
         self._confirm(evidence, scale.ratio, dt_s)
-        people = without_duplicates(self._people, scale.ratio, dt_s, self._settings.duplicate_gain)
+        people = without_duplicates(self._people, scale.ratio, dt_s)
         self._people = [
-            person for person in people if is_alive(person, canvas, scale.ratio, self._settings)
+            person for person in people if is_alive(person, canvas, scale.ratio, self._reporting)
         ]
         samples = [] if scale.known and scale.settled else samples_of(evidence)
         self._give_birth(canvas, scale, samples)
@@ -192,7 +199,7 @@ class FittedTracker:
         person.visibility, person.inside = canvas.visibility(shape, person.fitted_foot)
         person.gain = 0.0 if fit is None else fit.gain
         visible = person.visibility > _SEEN_VISIBILITY and person.inside > _SEEN_INSIDE
-        in_view = person.in_view > self._settings.min_in_view
+        in_view = person.in_view > _MIN_IN_VIEW
         if fit is None or not (visible and in_view and person.gain > 0.0):
             person.miss(dt_s)
             return
@@ -229,26 +236,25 @@ class FittedTracker:
         seen = [person for person in self._people if person.missed_frames == 0]
         for newcomer in [each for each in seen if confirm_if_due(each, evidence, ratio, dt_s)]:
             for person in seen:
-                if self._settings.identify and person.confirmed and is_torn(person, newcomer):
+                if self._identifies and person.confirmed and is_torn(person, newcomer):
                     self._identities.give_up(person, self._people)
 
     def _give_birth(self, canvas: Canvas, scale: SceneScale, samples: Sequence[Sample]) -> None:
         """New people, unless a person who has just been missed is within reach."""
-        settings = self._settings
-        smallest = CLUTTER_HEIGHT * settings.min_height * scale.rows
+        smallest = CLUTTER_HEIGHT * self._reporting.min_height * scale.rows
         born: list[tuple[Fit, float]] = []
         if scale.known:
-            born = births(canvas, self._people, scale, smallest, settings.birth_gain)
+            born = births(canvas, self._people, scale, smallest, _BIRTH_GAIN)
         elif scale.refused:
             large = [sample for sample in samples if sample.height > smallest]
-            born = births_without_scale(canvas, self._people, large, settings.birth_gain)
+            born = births_without_scale(canvas, self._people, large, _BIRTH_GAIN)
         for fit, height in born:
             missed = missed_near(self._people, fit, height)
             if missed is not None:
                 missed.reacquire(fit.foot, height, fit.gain)
             elif len(self._people) < MAX_TRACKS:
                 speed_y = 0.5 / (1.0 + 2.0 * scale.line.slope)
-                foot = FootFilter(fit.foot, height, settings.acceleration, speed_y)
+                foot = FootFilter(fit.foot, height, _ACCELERATION, speed_y)
                 person = Person(self._ids.take(), foot, height, fit.foot, fit.gain)
                 person.born_early = self._now_s < EARLY_S
                 person.born_at_border = at_border(person, self._shape, scale.ratio)

@@ -2,7 +2,7 @@
 
 A pair's weight is the log of the odds that the box comes from the track rather than from a
 newcomer or a false alarm, so gating and refusing are one rule: a track whose prediction has grown
-vague loses to `newcomer_density` by itself.
+vague loses to `_NEWCOMER_DENSITY` by itself.
 """
 
 from __future__ import annotations
@@ -13,15 +13,26 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from heel.services.tracker.given_boxes.geometry import AXES, FloatArray
-from heel.services.tracker.given_boxes.kalman import measurement_variance
-from heel.services.tracker.given_boxes.settings import AssociationSettings, MotionSettings
+from heel.services.tracker.given_boxes.kalman import (
+    ASPECT_MEAN,
+    ASPECT_SPREAD,
+    NOISE_ASPECT,
+    measurement_variance,
+)
 
 REFUSED = -1e6
+"""Log odds of what must not be paired."""
+_TAIL = 7.0
+"""Degrees of freedom of the Student t likelihood of a box; chosen by hand."""
+GATE = 5.5
+"""Largest normalised distance of a box to a track [sigmas]; beyond the tails of any detector."""
+_NEWCOMER_DENSITY = 0.6
+"""Expected unexplained boxes per square height of image; chosen by hand."""
+_HEIGHT_SPREAD = 0.5
+"""Standard deviation of ln(height) among people of one scene."""
 
 
-def log_student(
-    residual: FloatArray, variance: FloatArray, settings: AssociationSettings
-) -> tuple[FloatArray, FloatArray]:
+def log_student(residual: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Log density of residuals under a Student t of the given variances, and their distance.
 
     Heavy tails, because detectors' boxes jump when people overlap.
@@ -29,17 +40,15 @@ def log_student(
     Args:
         residual: (N, M, 4).
         variance: (N, 1, 4) or (N, M, 4), same units squared, > 0.
-        settings: degrees of freedom.
 
     Returns:
         Log density (N, M) and Mahalanobis distance (N, M) in sigmas.
     """
-    tail = settings.tail
     squared = (residual**2 / variance).sum(axis=2)
-    norm = math.lgamma((tail + AXES) / 2) - math.lgamma(tail / 2)
-    norm -= AXES / 2 * math.log((tail - 2) * math.pi)
+    norm = math.lgamma((_TAIL + AXES) / 2) - math.lgamma(_TAIL / 2)
+    norm -= AXES / 2 * math.log((_TAIL - 2) * math.pi)
     density = norm - 0.5 * np.log(variance).sum(axis=2)
-    density = density - (tail + AXES) / 2 * np.log1p(squared / (tail - 2))
+    density = density - (_TAIL + AXES) / 2 * np.log1p(squared / (_TAIL - 2))
     return density, np.sqrt(squared)
 
 
@@ -50,16 +59,14 @@ def in_heights(heights: FloatArray) -> FloatArray:
     return scale
 
 
-def newcomer_log_density(
-    measurements: FloatArray, settings: AssociationSettings, motion: MotionSettings
-) -> FloatArray:
+def newcomer_log_density(measurements: FloatArray) -> FloatArray:
     """Log density (M,) of a box that no known person explains, per squared height and ln sizes."""
-    aspect = measurements[:, 3] - math.log(motion.aspect_mean)
-    variance = motion.aspect_spread**2 + motion.noise_aspect**2
+    aspect = measurements[:, 3] - math.log(ASPECT_MEAN)
+    variance = ASPECT_SPREAD**2 + NOISE_ASPECT**2
     # A newcomer's height is anything people have in one scene: the mean log density of a normal.
-    height = -0.5 * math.log(2 * math.pi) - math.log(settings.height_spread) - 0.5
+    height = -0.5 * math.log(2 * math.pi) - math.log(_HEIGHT_SPREAD) - 0.5
     aspects = -0.5 * math.log(2 * math.pi * variance) - 0.5 * aspect**2 / variance
-    return np.asarray(math.log(settings.newcomer_density) + height + aspects)
+    return np.asarray(math.log(_NEWCOMER_DENSITY) + height + aspects)
 
 
 def pair_log_odds(
@@ -67,8 +74,6 @@ def pair_log_odds(
     covariance: FloatArray,
     rates: FloatArray,
     measurements: FloatArray,
-    settings: AssociationSettings,
-    motion: MotionSettings,
 ) -> FloatArray:
     """Log odds (N, M) that a box is of a track, against leaving both unpaired.
 
@@ -76,17 +81,15 @@ def pair_log_odds(
         mean: (N, 4, 2) and covariance: (N, 4, 2, 2), predicted, see `kalman`.
         rates: (N,) chance in (0, 1) of each track to be real and to get a box.
         measurements: (M, 4) boxes as of `geometry.boxes_to_measurements`.
-        settings: gate, tails, newcomers.
-        motion: scatter of boxes.
     """
     value = mean[:, :, 0]
     scale = in_heights(np.exp(value[:, 2]))
-    variance = (covariance[:, :, 0, 0] + measurement_variance(value, motion)) / scale**2
+    variance = (covariance[:, :, 0, 0] + measurement_variance(value)) / scale**2
     residual = (measurements[None] - value[:, None]) / scale[:, None]
-    density, distance = log_student(residual, variance[:, None], settings)
+    density, distance = log_student(residual, variance[:, None])
     prior = np.log(rates) - np.log1p(-rates)
-    odds = density + prior[:, None] - newcomer_log_density(measurements, settings, motion)[None]
-    return np.asarray(np.where(distance > settings.gate, REFUSED, odds))
+    odds = density + prior[:, None] - newcomer_log_density(measurements)[None]
+    return np.asarray(np.where(distance > GATE, REFUSED, odds))
 
 
 def assign(log_odds: FloatArray) -> list[tuple[int, int]]:

@@ -26,20 +26,46 @@ from heel.services.tracker.given_boxes.geometry import (
     measurements_to_boxes,
 )
 from heel.services.tracker.given_boxes.groups import (
+    LONGEST_S,
     Merge,
     choose_merges,
     correct_merged,
     merge_candidates,
 )
-from heel.services.tracker.given_boxes.identity import Identity
+from heel.services.tracker.given_boxes.identity import CLEAR, Identity
+from heel.services.tracker.given_boxes.looks import MOST_AGAINST
 from heel.services.tracker.given_boxes.newcomers import near_enough, newborn
 from heel.services.tracker.given_boxes.recall import Recall
 from heel.services.tracker.given_boxes.score_scale import ScoreScale
-from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
 from heel.services.tracker.given_boxes.track import Track, TrackOutput
+from heel.services.tracker.given_boxes.tuning import FILE, Tuning
 
 _EPSILON_S = 1e-6
-_LEAST_WITNESSES = 2  # people whose surprises tell a motion of the camera from their own
+"""Slack of comparisons of times, below any frame's."""
+_LEAST_WITNESSES = 2
+"""People whose innovations tell a motion of the camera from their own."""
+_KEEP_SCORE = 0.3
+"""Least score of a box that is used at all, share of a usual person's; chosen by hand."""
+_DETECTION_RATE = 0.75
+"""Probability that a visible person gets a box."""
+_HIDING = 0.55
+"""Loss of detection rate of a person that another wholly covers."""
+_HIDDEN = 0.5
+"""Covered share from which a missing person counts as hidden."""
+_CONTACT = 0.02
+"""Probability that a box is the other track's from which two tracks are in contact."""
+_PRESENT_S = 0.25
+"""How long ago a moment ago is; chosen by hand."""
+_WALK = 0.7
+"""Distance from its birthplace that makes a walker [heights]."""
+_TENTATIVE_S = 0.3
+"""Time without a box after which a track that is not confirmed is dropped; chosen by hand."""
+_DOUBT_S = 10.0
+"""Time out of sight that makes an identity 1/e as sure, appearance unknown."""
+_GIVE_UP = 0.03
+"""Identity confidence below which a track gets a fresh id."""
+_AWAY_S = 0.2
+"""Time without a box after which a track is back rather than missed by the detector."""
 
 
 class BoxTracker:
@@ -50,27 +76,27 @@ class BoxTracker:
 
     def __init__(
         self,
-        settings: BoxTrackerSettings | None = None,
+        tuning: Tuning = FILE,
         image_size: tuple[int, int] | None = None,
         next_id: int = 1,
     ) -> None:
         """Start with nobody.
 
         Args:
-            settings: all numbers; defaults if None.
+            tuning: how sure it has to be of what.
             image_size: (width, height) in pixels; without it nobody is known to have left.
             next_id: the first id to give out.
         """
-        self.settings = settings or BoxTrackerSettings()
+        self._tuning = tuning
         self.next_id = next_id
         self._tracks: list[Track] = []
-        self._identity = Identity(self.settings.appearance)
-        self._recall = Recall(self.settings, self._identity.model, image_size)
-        self._least_height_px = self.settings.life.least_height * (image_size or (0, 0))[1]
+        self._identity = Identity(tuning.reassure)
+        self._recall = Recall(tuning, self._identity.model, image_size)
+        self._rows = (image_size or (0, 0))[1]
         self._carried = False
         self._carrier = Carrier()
         self._scale = ScoreScale()
-        self._camera = CameraMotion(self.settings.camera, self.settings.motion)
+        self._camera = CameraMotion()
         self._last_s: float | None = None
 
     def update(
@@ -97,21 +123,27 @@ class BoxTracker:
             raise HeelError(f"frame at {t_s} s after one at {self._last_s} s; sort frames by time")
         frame = checked(boxes, scores, looks)
         frame = replace(frame, scores=self._scale.normalised(frame.raw))
-        frame = frame.select(frame.scores >= self.settings.life.keep_score)
+        frame = frame.select(frame.scores >= _KEEP_SCORE)
         seen = frame.measurements()
         mean, covariance = self._predict(t_s, camera)
         pairs, merges, sure = self._associate(mean, covariance, frame, t_s)
         self._correct(pairs, seen, frame, sure, t_s)
-        correct_merged(self._tracks, merges, frame.boxes, t_s, self.settings)
+        correct_merged(self._tracks, merges, frame.boxes, t_s)
         self._learn(pairs, merges, sure, frame, t_s)
         self._miss({i for i, _ in pairs}, {i for merge in merges for i in merge.tracks})
         used = {j for _, j in pairs} | {merge.box for merge in merges}
         free = [j for j in range(len(frame.boxes)) if j not in used]
-        self._tracks += newborn(frame, free, self._tracks, t_s, self.settings)
+        self._tracks += newborn(frame, free, self._tracks, t_s, self._tuning)
         self._deaths(t_s, pictures=looks is not None)
         self._confirm(t_s, pictures=looks is not None)
         return [
-            track.output(t_s, self.settings.life, looks is not None, self._recall.at_side(track))
+            track.output(
+                t_s,
+                self._tuning,
+                looks is not None,
+                self._recall.at_side(track),
+                self._tuning.min_height * self._rows,
+            )
             for track in self._tracks
         ]
 
@@ -124,8 +156,7 @@ class BoxTracker:
         t_s: float,
     ) -> None:
         self._scale.learn(frame.raw[[j for i, j in pairs if self._tracks[i].hits > 2]])
-        least = self.settings.appearance.contact
-        met = pairs_in_doubt(sure, pairs, least) + [merge.tracks for merge in merges]
+        met = pairs_in_doubt(sure, pairs, _CONTACT) + [merge.tracks for merge in merges]
         self._identity.reassure(
             [(self._tracks[i], j) for i, j in pairs],
             self._tracks + self._recall.lost,
@@ -149,7 +180,6 @@ class BoxTracker:
                 np.stack([track.mean for track in everyone]),
                 np.stack([track.covariance for track in everyone]),
                 elapsed_s,
-                self.settings.motion,
             )
             for k, track in enumerate(everyone):
                 track.mean, track.covariance = mean[k], covariance[k]
@@ -175,43 +205,41 @@ class BoxTracker:
         frame: FrameBoxes,
         t_s: float,
     ) -> tuple[list[tuple[int, int]], list[Merge], FloatArray]:
-        s, boxes, seen, looks = self.settings, frame.boxes, frame.measurements(), frame.looks
+        boxes, seen, looks = frame.boxes, frame.measurements(), frame.looks
         if not self._tracks or len(boxes) == 0:
             return [], [], np.zeros((len(self._tracks), len(boxes)))
-        exist = s.association.detection_rate * np.array([t.existence for t in self._tracks])
-        rates = exist * (1 - s.association.hiding * self._hidden)
-        log_odds = pair_log_odds(mean, covariance, rates, seen, s.association, s.motion)
+        exist = _DETECTION_RATE * np.array([t.existence for t in self._tracks])
+        rates = exist * (1 - _HIDING * self._hidden)
+        log_odds = pair_log_odds(mean, covariance, rates, seen)
         if looks is not None:
             log_odds += self._look_odds(boxes, looks, t_s)
         members = [
             k
             for k, track in enumerate(self._tracks)
-            if track.confirmed and t_s - track.alone_s <= s.group.longest_s
+            if track.confirmed and t_s - track.alone_s <= LONGEST_S
         ]
         candidates = merge_candidates(
             members,
             measurements_to_boxes(mean[:, :, 0]),
             boxes,
             exist,
-            newcomer_log_density(seen, s.association, s.motion),
-            (s.group, s.association, s.motion),
+            newcomer_log_density(seen),
         )
         pairs, merges, log_odds = choose_merges(log_odds, candidates)
         return pairs, merges, marginals(log_odds)
 
     def _look_odds(self, boxes: FloatArray, looks: FloatArray, t_s: float) -> FloatArray:
         """Log odds (N, M) of looks; who has just been seen and is not covered is not vetoed."""
-        s = self.settings.appearance
         present = np.array(
             [
                 track.confirmed
-                and t_s - track.seen_s <= s.present_s + _EPSILON_S
-                and hidden <= s.clear
+                and t_s - track.seen_s <= _PRESENT_S + _EPSILON_S
+                and hidden <= CLEAR
                 and not self._identity.open(track)
                 for track, hidden in zip(self._tracks, self._hidden, strict=True)
             ]
         )
-        against = np.where(present, s.most_against_present, s.most_against)
+        against = np.where(present, self._tuning.most_against_present, MOST_AGAINST)
         odds = self._identity.log_odds(self._tracks, boxes, looks)
         return np.asarray(np.maximum(odds, -against[:, None]))
 
@@ -232,7 +260,7 @@ class BoxTracker:
         steady = [k for k, track in enumerate(tracks) if track.hits > 3 and track.seen_s > recent_s]
         surprise = seen[boxes, :2] - mean[:, :2, 0]
         self._camera.learn((surprise / np.exp(mean[:, 2, :1]))[steady])
-        variance = kalman.measurement_variance(mean[:, :, 0], self.settings.motion)
+        variance = kalman.measurement_variance(mean[:, :, 0])
         covariance = np.stack([track.covariance for track in tracks])
         found = {id(track) for track in tracks}
         unseen = [track for track in self._tracks if id(track) not in found]
@@ -254,7 +282,7 @@ class BoxTracker:
             shared = 0.0
             if not track.confirmed and len(known):
                 shared = float(iou(track.box()[None], known).max())
-            track.believe(float(frame.scores[j]), shared, t_s, self.settings.life)
+            track.believe(float(frame.scores[j]), shared, t_s)
 
     def _sure_back(
         self, track: Track, frame: FrameBoxes, box: int, unseen: list[Track], t_s: float
@@ -262,8 +290,8 @@ class BoxTracker:
         """Factor in [0, 1] on the confidence in a track that has got a box after time unseen."""
         if frame.looks is None:
             unseen_s = max(t_s - self._elapsed_s - track.seen_s, 0.0)
-            return math.exp(-unseen_s / self.settings.life.doubt_s)
-        if not track.confirmed or t_s - track.seen_s <= self.settings.life.away_s:
+            return math.exp(-unseen_s / _DOUBT_S)
+        if not track.confirmed or t_s - track.seen_s <= _AWAY_S:
             return 1.0
         missing = self._recall.lost + [other for other in unseen if other.confirmed]
         at_edge = self._recall.at_edge(track)
@@ -271,32 +299,29 @@ class BoxTracker:
 
     def _in_doubt(self, track: Track, away_s: float, rivals: float) -> bool:
         """Whether a box is no reason to go on with an id: rather a fresh one than a wrong one."""
-        life = self.settings.life
-        back = away_s > max(life.away_s, 1.5 * self._elapsed_s)
-        return track.confidence < life.give_up or (back and rivals > life.rivals)
+        back = away_s > max(_AWAY_S, 1.5 * self._elapsed_s)
+        return track.confidence < _GIVE_UP or (back and rivals > self._tuning.rivals)
 
     def _miss(self, alone: set[int], merged: set[int]) -> None:
-        rate = self.settings.association.detection_rate
         for index, track in enumerate(self._tracks):
             track.in_front = ()
             if index in alone:
                 continue
-            hiding = np.flatnonzero(self._covered[index] > self.settings.association.hidden)
+            hiding = np.flatnonzero(self._covered[index] > _HIDDEN)
             track.in_front = tuple(self._tracks[k] for k in hiding.tolist())
             if index in merged:
                 continue
             track.missed_frames += 1
             if not track.confirmed:
-                visible = rate * (1 - self._hidden[index])
+                visible = _DETECTION_RATE * (1 - self._hidden[index])
                 track.existence *= (1 - visible) / (1 - track.existence * visible)
 
     def _deaths(self, t_s: float, pictures: bool) -> None:
-        life = self.settings.life
-        recent_s = self.settings.appearance.recent_s if pictures else life.recent_s
+        recent_s = self._tuning.forget_known_s if pictures else self._tuning.forget_s
         stay: list[Track] = []
         for track in self._tracks:
             unseen_s = t_s - track.seen_s - _EPSILON_S
-            if unseen_s <= (recent_s if track.confirmed else life.tentative_s):
+            if unseen_s <= (recent_s if track.confirmed else _TENTATIVE_S):
                 stay.append(track)
             elif track.confirmed:
                 self._recall.lose(track, pictures)
@@ -304,14 +329,15 @@ class BoxTracker:
         self._recall.forget(t_s, pictures)
 
     def _confirm(self, t_s: float, pictures: bool) -> None:
-        life, stands = self.settings.life, self._camera.stands()
+        tuning, stands = self._tuning, self._camera.stands()
         if stands and not self._carried:
             for track in self._tracks:
-                track.walked = track.walked or track.walked_by() > life.walk
+                track.walked = track.walked or track.walked_by() > _WALK
+        least_px = tuning.near_height * self._rows
         near = [
             track
             for track in self._tracks
-            if track.confirmed or near_enough(track, self._tracks, self._least_height_px, life)
+            if track.confirmed or near_enough(track, self._tracks, least_px, tuning)
         ]
         found = self._recall.recognised(near, t_s, stands, pictures)
         for newcomer, old, probability in found:
@@ -320,7 +346,7 @@ class BoxTracker:
         self._tracks = [track for track in self._tracks if id(track) not in known]
         self._recall.lost = [track for track in self._recall.lost if id(track) not in known]
         for track in near:
-            if track.seen_s == t_s and track.ready(life):
+            if track.seen_s == t_s and track.ready(tuning):
                 track.confirmed = True
                 track.track_id = track.track_id or self._new_id()
 

@@ -13,18 +13,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from heel.services.tracker.given_boxes.geometry import FloatArray
-from heel.services.tracker.given_boxes.settings import CameraSettings, MotionSettings
+from heel.services.tracker.given_boxes.kalman import NOISE_X, NOISE_Y
 from heel.services.tracker.given_boxes.track import Track
+
+_MOST_CORRELATION = 0.07
+"""Correlation of innovations up to which the camera is taken to stand; chosen by hand."""
+_PRIOR_BOXES = 200.0
+"""Weight of the prior that it stands [boxes]: some seconds of a group."""
+_MEMORY_FRAMES = 500.0
+"""Memory of innovations [frames]: some twenty seconds."""
 
 
 class CameraMotion:
     """Running correlation of surprises, started from a camera that stands still."""
 
-    def __init__(self, settings: CameraSettings, motion: MotionSettings) -> None:
-        self.settings = settings
+    def __init__(self) -> None:
         # Surprises below the usual scatter of boxes say nothing: hand-made boxes are corrected in
         # one frame for everybody, which is no motion of the camera.
-        self._scatter = motion.noise_x**2 + motion.noise_y**2
+        self._scatter = NOISE_X**2 + NOISE_Y**2
         self._common = 0.0
         self._total = 0.0
         self._weight = 0.0
@@ -39,7 +45,7 @@ class CameraMotion:
             return
         own = float((surprises**2).sum())
         common = (float((surprises.sum(axis=0) ** 2).sum()) - own) / (count - 1)
-        keep = 1 - 1 / self.settings.memory_frames
+        keep = 1 - 1 / _MEMORY_FRAMES
         self._common = keep * self._common + common
         self._total = keep * self._total + max(own, count * self._scatter)
         self._weight = keep * self._weight + count
@@ -48,12 +54,12 @@ class CameraMotion:
         """Share in [0, 1] of the surprises that people have in common; 0 until it is known."""
         if self._weight == 0:
             return 0.0
-        sure = self._weight / (self._weight + self.settings.prior_boxes)
+        sure = self._weight / (self._weight + _PRIOR_BOXES)
         return min(max(sure * self._common / max(self._total, 1e-12), 0.0), 1.0)
 
     def stands(self) -> bool:
         """Whether places in the picture are places in the world."""
-        return self.correlation() < self.settings.most_correlation
+        return self.correlation() < _MOST_CORRELATION
 
 
 def common_shift(surprises: FloatArray, variances: FloatArray) -> FloatArray:

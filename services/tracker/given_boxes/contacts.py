@@ -16,13 +16,20 @@ import numpy as np
 
 from heel.services.tracker.given_boxes.geometry import FloatArray
 from heel.services.tracker.given_boxes.looks import Gallery, LookModel
-from heel.services.tracker.given_boxes.settings import AppearanceSettings
 from heel.services.tracker.given_boxes.track import Track
 
 _LEAST_LOOKS = 2
-_INDEPENDENT = 4.0  # looks of neighbouring frames repeat each other: more count no more
+"""Frames with a descriptor before a contact is decided; chosen by hand."""
+_INDEPENDENT = 4.0
+"""Descriptors of neighbouring frames repeat each other: more count no more."""
 _MOST_PRIOR = 4.0
+"""Most log odds that motion alone can give; chosen by hand."""
 _MOST_OPEN = 64
+"""Bound of the undecided contacts: of more people the oldest are left undecided."""
+_DECIDE = 3.0
+"""Log odds that decide a contact: 20 to 1."""
+_SETTLE_S = 2.0
+"""Time in clear view after which a contact that colours cannot decide is closed."""
 
 
 @dataclass
@@ -58,9 +65,8 @@ class Contact:
 class Contacts:
     """All contacts that are not decided yet."""
 
-    def __init__(self, settings: AppearanceSettings, looks: LookModel) -> None:
+    def __init__(self, looks: LookModel) -> None:
         """Start with nobody near anybody."""
-        self._settings = settings
         self._looks = looks
         self._open: list[Contact] = []
 
@@ -103,8 +109,8 @@ class Contacts:
             if contact.touched_s < t_s:
                 self._look(contact, tracks, looks, dt_s)
             odds = contact.kept_log_odds()
-            decided = contact.looks >= _LEAST_LOOKS and abs(odds) > self._settings.decide
-            if decided or contact.clear_s >= self._settings.settle_s:
+            decided = contact.looks >= _LEAST_LOOKS and abs(odds) > _DECIDE
+            if decided or contact.clear_s >= _SETTLE_S:
                 _close(contact, odds, exchanged=decided and odds < 0)
             else:
                 contact.share_doubt(odds)

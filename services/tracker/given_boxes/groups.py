@@ -17,7 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.services.tracker.given_boxes import kalman
-from heel.services.tracker.given_boxes.association import REFUSED, assign, in_heights, log_student
+from heel.services.tracker.given_boxes.association import (
+    GATE,
+    REFUSED,
+    assign,
+    in_heights,
+    log_student,
+)
 from heel.services.tracker.given_boxes.geometry import (
     FloatArray,
     box_area,
@@ -25,15 +31,25 @@ from heel.services.tracker.given_boxes.geometry import (
     intersection_area,
     measurements_to_boxes,
 )
-from heel.services.tracker.given_boxes.settings import (
-    AssociationSettings,
-    BoxTrackerSettings,
-    GroupSettings,
-    MotionSettings,
-)
+from heel.services.tracker.given_boxes.kalman import NOISE_ASPECT, NOISE_HEIGHT, NOISE_X, NOISE_Y
 from heel.services.tracker.given_boxes.track import Track
 
-_UNKNOWN = 1e12  # variance factor of an axis that was not measured
+_UNKNOWN = 1e12
+"""Variance factor of an axis that was not measured."""
+_OVERLAP = 0.2
+"""Predicted overlap, share of the smaller box, from which two people may share one box."""
+_RATE = 0.05
+"""Probability that two people who fully overlap get one box; chosen by hand."""
+_NOISE = 1.5
+"""Scatter of merged boxes [single boxes' scatter]."""
+_GROWTH = 0.2
+"""Least excess of the merged box's area over that of either member; chosen by hand."""
+LONGEST_S = 1.0
+"""Longest time without a box of its own for which a track may be in a merged one."""
+_SLACK = 0.05
+"""Edges closer than this are shared [heights]: about the scatter of an edge."""
+_EDGE_NOISE = 2.0
+"""Scatter of a centre measured by one edge [single boxes' scatter]."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +67,6 @@ def merge_candidates(
     boxes: FloatArray,
     rates: FloatArray,
     newcomer: FloatArray,
-    settings: tuple[GroupSettings, AssociationSettings, MotionSettings],
 ) -> list[Merge]:
     """All merges worth considering.
 
@@ -61,19 +76,17 @@ def merge_candidates(
         boxes: (M, 4) detector's boxes.
         rates: (N,) chance of each track to be seen.
         newcomer: (M,) log density of a newcomer's box.
-        settings: group, association and motion settings.
     """
-    group, association, _ = settings
     if len(members) < 2 or len(boxes) == 0:
         return []
-    first, second, shared, union = _overlapping(predicted[members], group)
+    first, second, shared, union = _overlapping(predicted[members])
     if len(first) == 0:
         return []
-    density, distance = _fit(union, boxes, settings)
+    density, distance = _fit(union, boxes)
     odds = np.log(rates[members] / (1 - rates[members]))
-    merged = np.log(np.minimum(group.rate * shared, 0.95))
+    merged = np.log(np.minimum(_RATE * shared, 0.95))
     total = density - newcomer[None] + (odds[first] + odds[second] + merged)[:, None]
-    good = (distance < association.gate) & (total > 0)
+    good = (distance < GATE) & (total > 0)
     return [
         Merge((members[first[p]], members[second[p]]), int(j), float(total[p, j]))
         for p, j in zip(*np.nonzero(good), strict=True)
@@ -81,12 +94,12 @@ def merge_candidates(
 
 
 def _overlapping(
-    predicted: FloatArray, group: GroupSettings
+    predicted: FloatArray,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
     """Pairs of (N, 4) boxes that may merge: indices (P,) twice, overlap (P,), union (P, 4)."""
     area = box_area(predicted)
     overlap = intersection_area(predicted, predicted) / np.minimum(area[:, None], area[None])
-    first, second = np.nonzero(np.triu(overlap > group.overlap, 1))
+    first, second = np.nonzero(np.triu(overlap > _OVERLAP, 1))
     union = np.concatenate(
         [
             np.minimum(predicted[first, :2], predicted[second, :2]),
@@ -94,7 +107,7 @@ def _overlapping(
         ],
         axis=1,
     )
-    large = box_area(union) > (1 + group.growth) * np.maximum(area[first], area[second])
+    large = box_area(union) > (1 + _GROWTH) * np.maximum(area[first], area[second])
     first, second = first[large], second[large]
     return first, second, overlap[first, second], union[large]
 
@@ -102,17 +115,13 @@ def _overlapping(
 def _fit(
     union: FloatArray,
     boxes: FloatArray,
-    settings: tuple[GroupSettings, AssociationSettings, MotionSettings],
 ) -> tuple[FloatArray, FloatArray]:
     """Log density (P, M) of (M, 4) boxes about (P, 4) unions, and distance in sigmas."""
-    group, association, motion = settings
     value, seen = boxes_to_measurements(union), boxes_to_measurements(boxes)
     scale = in_heights(np.exp(value[:, 2]))
-    spread = np.array([motion.noise_x, motion.noise_y, motion.noise_height, motion.noise_aspect])
-    variance = np.broadcast_to((group.noise * spread) ** 2, scale.shape)
-    return log_student(
-        (seen[None] - value[:, None]) / scale[:, None], variance[:, None], association
-    )
+    spread = np.array([NOISE_X, NOISE_Y, NOISE_HEIGHT, NOISE_ASPECT])
+    variance = np.broadcast_to((_NOISE * spread) ** 2, scale.shape)
+    return log_student((seen[None] - value[:, None]) / scale[:, None], variance[:, None])
 
 
 def choose_merges(
@@ -143,14 +152,13 @@ def choose_merges(
     return pairs, merges, log_odds
 
 
-def measure_members(
-    predicted: FloatArray, box: FloatArray, slack: float
-) -> tuple[FloatArray, FloatArray]:
+def measure_members(predicted: FloatArray, box: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Where the members of a merged box are, by the edges that are theirs.
+
+    An edge is shared by members whose predicted edges are closer than `_SLACK`.
 
     Args:
         predicted: (K, 4) predicted xyxy boxes of the members. box: (4,) the merged box.
-        slack: an edge is shared by members whose predicted edges are closer than this [heights].
 
     Returns:
         Centres (K, 2) in pixels and variance factors (K, 2): infinite where no edge is known.
@@ -160,7 +168,7 @@ def measure_members(
     size = predicted[:, 2:] - predicted[:, :2]
     for axis in (0, 1):
         low, high = predicted[:, axis], predicted[:, axis + 2]
-        margin = slack * float(size[:, 1].mean())
+        margin = _SLACK * float(size[:, 1].mean())
         owns_low = low <= np.min(low) + margin
         owns_high = high >= np.max(high) - margin
         by_low, by_high = box[axis] + size[:, axis] / 2, box[axis + 2] - size[:, axis] / 2
@@ -179,25 +187,20 @@ def correct_merged(
     merges: Sequence[Merge],
     boxes: FloatArray,
     t_s: float,
-    settings: BoxTrackerSettings,
 ) -> None:
     """Correct the members of every merge by the edges that are theirs, in place.
 
     Args:
         tracks: that the merges' indices mean. boxes: (M, 4), likewise. t_s: now.
-        settings: of groups and motion.
     """
-    group, motion = settings.group, settings.motion
     for merge in merges:
         members = [tracks[i] for i in merge.tracks]
         mean = np.stack([track.mean for track in members])
         value = mean[:, :, 0].copy()
-        variance = kalman.measurement_variance(value, motion)
-        centre, factor = measure_members(
-            measurements_to_boxes(value), boxes[merge.box], group.slack
-        )
+        variance = kalman.measurement_variance(value)
+        centre, factor = measure_members(measurements_to_boxes(value), boxes[merge.box])
         value[:, :2] = centre
-        variance[:, :2] *= np.minimum(factor, _UNKNOWN) * group.edge_noise**2
+        variance[:, :2] *= np.minimum(factor, _UNKNOWN) * _EDGE_NOISE**2
         variance[:, 2:] = _UNKNOWN
         covariance = np.stack([track.covariance for track in members])
         mean, covariance = kalman.update(mean, covariance, value, variance)

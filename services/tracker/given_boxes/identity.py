@@ -10,21 +10,34 @@ from heel.services.tracker.given_boxes.contacts import Contacts
 from heel.services.tracker.given_boxes.frame import FrameBoxes
 from heel.services.tracker.given_boxes.geometry import FloatArray, crowding
 from heel.services.tracker.given_boxes.looks import LookModel
-from heel.services.tracker.given_boxes.settings import AppearanceSettings
 from heel.services.tracker.given_boxes.track import Track
 
-_DOUBTED = 0.9  # identity confidence from which on a doubt is settled
-_MOST_ALIKE = 3.0  # log odds by which another's look can count for more than one's own
+_DOUBTED = 0.9
+"""Identity confidence from which on a doubt is settled."""
+_MOST_ALIKE = 3.0
+"""Log odds by which another's descriptor can count for more than one's own; chosen by hand."""
+_CROWD = 0.5
+"""Share of its weight that a descriptor loses if its box is wholly overlapped."""
+_ALIKE = 0.05
+"""Odds that a person who is back is another missing person of the same colours."""
+_ALIKE_AT_EDGE = 0.4
+"""The same at the edge of the picture, where people come in; chosen by hand."""
+CLEAR = 0.25
+"""Overlap with other boxes up to which a descriptor is learned."""
 
 
 class Identity:
     """Everything that is known of looks."""
 
-    def __init__(self, settings: AppearanceSettings) -> None:
-        """Start with nobody known."""
-        self.model = LookModel(settings)
-        self._contacts = Contacts(settings, self.model)
-        self._settings = settings
+    def __init__(self, reassure: float) -> None:
+        """Start with nobody known.
+
+        Args:
+            reassure: how much colours settle a doubt, share of their log odds per second; 0: not.
+        """
+        self.model = LookModel()
+        self._contacts = Contacts(self.model)
+        self._reassure = reassure
 
     def open(self, track: Track) -> bool:
         """Whether it is not decided who this is."""
@@ -32,7 +45,7 @@ class Identity:
 
     def log_odds(self, tracks: list[Track], boxes: FloatArray, looks: FloatArray) -> FloatArray:
         """Log odds (N, M) that (M, 4) boxes of (M, D) looks are of the tracks, less in a crowd."""
-        weight = 1 - self._settings.crowd * crowding(boxes)
+        weight = 1 - _CROWD * crowding(boxes)
         return self.model.compare([track.gallery for track in tracks], looks) * weight[None]
 
     def back(self, track: Track, look: FloatArray, missing: list[Track], at_edge: bool) -> float:
@@ -49,7 +62,7 @@ class Identity:
         everyone = [track, *missing]
         odds = self.model.compare([one.gallery for one in everyone], look[None])[:, 0]
         best = 1 + int(np.argmax(odds[1:]))
-        prior = self._settings.alike_at_edge if at_edge else self._settings.alike
+        prior = _ALIKE_AT_EDGE if at_edge else _ALIKE
         doubt = prior * math.exp(min(float(odds[best] - odds[0]), _MOST_ALIKE))
         return 1 / (1 + doubt)
 
@@ -78,7 +91,7 @@ class Identity:
         """
         if frame.looks is None:
             return
-        alone = crowding(frame.boxes) <= self._settings.clear
+        alone = crowding(frame.boxes) <= CLEAR
         for track, j in pairs:
             if track.confidence >= _DOUBTED:
                 track.vouched = None
@@ -91,11 +104,11 @@ class Identity:
             odds = self.model.compare(galleries, frame.looks[j][None])[:, 0]
             evidence = max(float(odds[0]) - float(odds[1:].max(initial=0.0)), 0.0)
             doubt = (1 - track.confidence) / max(track.confidence, 1e-9)
-            doubt *= math.exp(-self._settings.reassure * min(evidence, _MOST_ALIKE) * elapsed_s)
+            doubt *= math.exp(-self._reassure * min(evidence, _MOST_ALIKE) * elapsed_s)
             track.confidence = 1 / (1 + doubt)
 
     def _is_doubted(self, track: Track) -> bool:
-        settles = self._settings.reassure > 0
+        settles = self._reassure > 0
         return settles and track.confidence < _DOUBTED and not self._contacts.among(track)
 
     def learn(
@@ -121,7 +134,7 @@ class Identity:
         for first, second in met:
             if first.confirmed and second.confirmed:
                 self._contacts.touch(first, second, t_s)
-        alone = crowding(frame.boxes) <= self._settings.clear
+        alone = crowding(frame.boxes) <= CLEAR
         clear = [(track, j) for track, j in pairs if alone[j]]
         tracks, looks = [track for track, _ in clear], frame.looks[[j for _, j in clear]]
         self._contacts.decide(tracks, looks, known, t_s, elapsed_s)
@@ -133,4 +146,4 @@ class Identity:
         known = [k for k, track in enumerate(tracks) if track.gallery.looks and track.confirmed]
         self.model.learn([tracks[k].gallery for k in known], looks[known])
         for track, look in zip(tracks, looks, strict=True):
-            track.gallery.add(look, self._settings)
+            track.gallery.add(look)

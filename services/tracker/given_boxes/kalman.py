@@ -15,19 +15,49 @@ from __future__ import annotations
 import numpy as np
 
 from heel.services.tracker.given_boxes.geometry import AXES, FloatArray
-from heel.services.tracker.given_boxes.settings import MotionSettings
 
 ASPECT = 3
+"""Index of the axis without a rate."""
+
+# How people move and how detectors' boxes scatter about them; lengths in person heights. Fitted by
+# hand to the boxes of public detectors (see docs on association).
+NOISE_X = 0.035
+"""Standard deviation of a box's centre x [heights]."""
+NOISE_Y = 0.043
+"""Standard deviation of a box's centre y [heights]."""
+NOISE_HEIGHT = 0.085
+"""Standard deviation of ln(box height)."""
+NOISE_ASPECT = 0.13
+"""Standard deviation of ln(box width / height)."""
+_ACCELERATION_X = 0.8
+"""White sideways acceleration [heights / s^1.5]: people change pace within a second."""
+_ACCELERATION_Y = 0.25
+"""White vertical acceleration [heights / s^1.5]: the ground is seen at a slant."""
+_ACCELERATION_GROWTH = 0.5
+"""White acceleration of ln(height) [1 / s^1.5]."""
+INITIAL_SPEED_X = 1.1
+"""Standard deviation of a new track's sideways speed [heights/s]: a brisk walk."""
+INITIAL_SPEED_Y = 0.25
+"""Standard deviation of a new track's vertical speed [heights/s]."""
+_INITIAL_GROWTH = 0.2
+"""Standard deviation of a new track's rate of ln(height) [1/s]."""
+_SPEED_MEMORY_S = 2.5
+"""Without evidence speed decays to 1/e in this time; chosen by hand."""
+_GROWTH_MEMORY_S = 0.3
+"""Without evidence growth decays to 1/e in this time: boxes that breathe do not run away."""
+ASPECT_MEAN = 0.39
+"""Width by height of the box of a standing person."""
+ASPECT_SPREAD = 0.22
+"""Standard deviation of ln(width / height) of people."""
+_ASPECT_MEMORY_S = 1.2
+"""Time constant of a person's width by height: about two steps."""
 
 
-def initial_state(
-    measurements: FloatArray, settings: MotionSettings
-) -> tuple[FloatArray, FloatArray]:
+def initial_state(measurements: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Start a filter from one box each.
 
     Args:
         measurements: (N, 4) rows as of `boxes_to_measurements`.
-        settings: noises.
 
     Returns:
         Mean (N, 4, 2) and covariance (N, 4, 2, 2): per axis the value and its rate per second.
@@ -36,45 +66,45 @@ def initial_state(
     mean = np.zeros((count, AXES, 2))
     mean[:, :, 0] = measurements
     covariance = np.zeros((count, AXES, 2, 2))
-    covariance[:, :, 0, 0] = measurement_variance(measurements, settings)
+    covariance[:, :, 0, 0] = measurement_variance(measurements)
     height_px = np.exp(measurements[:, 2])
-    covariance[:, 0, 1, 1] = (settings.initial_speed_x * height_px) ** 2
-    covariance[:, 1, 1, 1] = (settings.initial_speed_y * height_px) ** 2
-    covariance[:, 2, 1, 1] = settings.initial_growth**2
+    covariance[:, 0, 1, 1] = (INITIAL_SPEED_X * height_px) ** 2
+    covariance[:, 1, 1, 1] = (INITIAL_SPEED_Y * height_px) ** 2
+    covariance[:, 2, 1, 1] = _INITIAL_GROWTH**2
     # The first box is blended with what is known of standing people before any box is seen.
-    prior = settings.aspect_spread**2
+    prior = ASPECT_SPREAD**2
     gain = prior / (prior + covariance[:, ASPECT, 0, 0])
-    mean[:, ASPECT, 0] += (1 - gain) * (np.log(settings.aspect_mean) - measurements[:, ASPECT])
+    mean[:, ASPECT, 0] += (1 - gain) * (np.log(ASPECT_MEAN) - measurements[:, ASPECT])
     covariance[:, ASPECT, 0, 0] *= gain
     return mean, covariance
 
 
-def measurement_variance(measurements: FloatArray, settings: MotionSettings) -> FloatArray:
+def measurement_variance(measurements: FloatArray) -> FloatArray:
     """Variance (N, 4) of a detector's box about the person: px^2, px^2, and squared logarithms."""
     height_px = np.exp(measurements[:, 2])
     ones = np.ones_like(height_px)
     return np.stack(
         [
-            (settings.noise_x * height_px) ** 2,
-            (settings.noise_y * height_px) ** 2,
-            settings.noise_height**2 * ones,
-            settings.noise_aspect**2 * ones,
+            (NOISE_X * height_px) ** 2,
+            (NOISE_Y * height_px) ** 2,
+            NOISE_HEIGHT**2 * ones,
+            NOISE_ASPECT**2 * ones,
         ],
         axis=1,
     )
 
 
 def predict(
-    mean: FloatArray, covariance: FloatArray, elapsed_s: float, settings: MotionSettings
+    mean: FloatArray, covariance: FloatArray, elapsed_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Move all filters `elapsed_s` seconds on; arrays as returned by `initial_state`."""
     height_px = np.exp(mean[:, 2, 0])
     mean, covariance = mean.copy(), covariance.copy()
     noise = np.zeros((len(mean), ASPECT))
-    noise[:, 0] = (settings.acceleration_x * height_px) ** 2
-    noise[:, 1] = (settings.acceleration_y * height_px) ** 2
-    noise[:, 2] = settings.acceleration_growth**2
-    decay_s = np.array([settings.speed_memory_s, settings.speed_memory_s, settings.growth_memory_s])
+    noise[:, 0] = (_ACCELERATION_X * height_px) ** 2
+    noise[:, 1] = (_ACCELERATION_Y * height_px) ** 2
+    noise[:, 2] = _ACCELERATION_GROWTH**2
+    decay_s = np.array([_SPEED_MEMORY_S, _SPEED_MEMORY_S, _GROWTH_MEMORY_S])
     keep = np.exp(-elapsed_s / decay_s)
     reach = decay_s * (1 - keep)
     value, rate = mean[:, :ASPECT, 0], mean[:, :ASPECT, 1]
@@ -91,10 +121,10 @@ def predict(
     covariance[:, :ASPECT, 0, 0] = new00
     covariance[:, :ASPECT, 0, 1] = covariance[:, :ASPECT, 1, 0] = new01
     covariance[:, :ASPECT, 1, 1] = new11
-    stay = np.exp(-elapsed_s / settings.aspect_memory_s)
-    centre = np.log(settings.aspect_mean)
+    stay = np.exp(-elapsed_s / _ASPECT_MEMORY_S)
+    centre = np.log(ASPECT_MEAN)
     mean[:, ASPECT, 0] = centre + stay * (mean[:, ASPECT, 0] - centre)
-    spread = settings.aspect_spread**2
+    spread = ASPECT_SPREAD**2
     covariance[:, ASPECT, 0, 0] = spread + stay**2 * (covariance[:, ASPECT, 0, 0] - spread)
     return mean, covariance
 

@@ -14,11 +14,27 @@ from numpy.typing import NDArray
 
 from heel.services.tracker.given_boxes.appearance import LOOK_LENGTH, distances
 from heel.services.tracker.given_boxes.geometry import FloatArray
-from heel.services.tracker.given_boxes.settings import AppearanceSettings
 
 _PRIOR_SAMPLES = 30.0
+"""Weight of what is usual [samples]; chosen by hand."""
 _MOST_SAMPLES = 2000.0
-_LEAST_LOOKS = 3  # fewer are no gallery
+"""Memory of distances [samples]: a minute or two of a group."""
+_LEAST_LOOKS = 3
+"""Fewer descriptors are no gallery."""
+_WEIGHT = 0.7
+"""Share of the log odds of colours that is believed: neighbouring frames share one light."""
+_MOST = 6.0
+"""Most log odds that colours can give; chosen by hand."""
+MOST_AGAINST = 12.0
+"""Most log odds that colours can take; chosen by hand."""
+_LEAST_SPREAD = 0.05
+"""Least standard deviation of distances: the grain of the histograms."""
+_MEMORY = 0.03
+"""Share of a new descriptor in a view of a gallery; chosen by hand."""
+_MOST_VIEWS = 5
+"""Views in a gallery: front, back, sides and one more."""
+_NEW_VIEW = 0.4
+"""Distance to all views from which a descriptor becomes a view of its own."""
 
 
 class Gallery:
@@ -39,14 +55,14 @@ class Gallery:
         """The view (D,) that was added last; of no colour at all where there is none."""
         return np.asarray(self.views[-1] if len(self.views) else np.zeros(LOOK_LENGTH))
 
-    def add(self, look: FloatArray, settings: AppearanceSettings) -> None:
+    def add(self, look: FloatArray) -> None:
         """Take in a (D,) look of the person seen alone."""
         self.looks += 1
         if len(self.views):
             distance = distances(self.views, look[None])[:, 0]
             nearest = int(distance.argmin())
-            if distance[nearest] < settings.new_view or len(self.views) >= settings.most_views:
-                blend = max(settings.memory, 1 / (self._counts[nearest] + 1))
+            if distance[nearest] < _NEW_VIEW or len(self.views) >= _MOST_VIEWS:
+                blend = max(_MEMORY, 1 / (self._counts[nearest] + 1))
                 mixed = self.views[nearest] + blend * (look - self.views[nearest])
                 views = self.views.copy()
                 views[nearest] = mixed / np.linalg.norm(mixed)
@@ -82,9 +98,8 @@ class LookStatistics:
 class LookModel:
     """Turns distances of looks into log odds of being the same person."""
 
-    def __init__(self, settings: AppearanceSettings) -> None:
+    def __init__(self) -> None:
         """Start from what is usual."""
-        self.settings = settings
         self._same = LookStatistics(0.25, 0.08)
         self._other = LookStatistics(0.5, 0.12)
 
@@ -103,13 +118,12 @@ class LookModel:
 
     def log_odds(self, distance: FloatArray) -> FloatArray:
         """Log odds, same shape as `distance`, limited to what colour can be trusted with."""
-        floor = self.settings.least_spread
+        floor = _LEAST_SPREAD
         odds = self._same.log_density(distance, floor) - self._other.log_density(distance, floor)
         # Both normal densities are monotone only between their means.
         odds = np.where(distance < self._same.mean, np.maximum(odds, 0.0), odds)
         odds = np.where(distance > self._other.mean, np.minimum(odds, 0.0), odds)
-        s = self.settings
-        return np.asarray(np.clip(s.weight * odds, -s.most_against, s.most))
+        return np.asarray(np.clip(_WEIGHT * odds, -MOST_AGAINST, _MOST))
 
 
 def nearest_views(galleries: Sequence[Gallery], looks: FloatArray) -> FloatArray:

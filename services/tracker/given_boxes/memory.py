@@ -15,8 +15,29 @@ import numpy as np
 
 from heel.services.tracker.given_boxes.association import assign, marginals
 from heel.services.tracker.given_boxes.geometry import FloatArray
-from heel.services.tracker.given_boxes.settings import MemorySettings, MotionSettings
+from heel.services.tracker.given_boxes.kalman import (
+    ASPECT_MEAN,
+    ASPECT_SPREAD,
+    INITIAL_SPEED_X,
+    INITIAL_SPEED_Y,
+    NOISE_HEIGHT,
+)
 from heel.services.tracker.given_boxes.track import Track
+
+_RETURN_RATE = 0.5
+"""Probability that a person just lost comes back; chosen by hand."""
+_RETURN_TIME_S = 20.0
+"""Time in which the probability of a return falls to 1/e; chosen by hand."""
+_NEWCOMER_DENSITY = 0.05
+"""Expected new people per square height of image."""
+_SETTLE_SPEED = 0.15
+"""Speed at which standing still is one sigma away [heights/s]: a box that jitters."""
+_SETTLE_SPREAD = 0.2
+"""Standard deviation of where a person who stays comes to stand [heights]."""
+_ELSEWHERE = 0.3
+"""Share of returns, recognised by appearance, that are at any place; chosen by hand."""
+_LATER_TRUST = 0.95
+"""Least probability of a return for a track that has been given an id already."""
 
 
 @dataclass(frozen=True)
@@ -38,28 +59,26 @@ def return_log_odds(
     newcomer: Track,
     lost: Track,
     around: Circumstances,
-    settings: MemorySettings,
-    motion: MotionSettings,
 ) -> float:
     """Log odds that `newcomer` is `lost` come back rather than somebody new."""
     if newcomer.born_s < lost.seen_s:
         return -math.inf
-    rate = settings.return_rate * math.exp(-(around.t_s - lost.seen_s) / settings.return_time_s)
+    rate = _RETURN_RATE * math.exp(-(around.t_s - lost.seen_s) / _RETURN_TIME_S)
     height = math.exp(lost.anchor[2])
     by_place = -math.inf
     if around.places and not lost.left:
-        stay = math.exp(-0.5 * (lost.anchor_speed / settings.settle_speed) ** 2)
+        stay = math.exp(-0.5 * (lost.anchor_speed / _SETTLE_SPEED) ** 2)
         both = np.logaddexp(
-            math.log(max(stay, 1e-12)) + _log_stayed(newcomer, lost, height, settings, motion),
+            math.log(max(stay, 1e-12)) + _log_stayed(newcomer, lost, height),
             math.log(max(1 - stay, 1e-12)) + _log_walked(newcomer, lost, height),
         )
-        by_place = float(both) - _log_new(newcomer, height, settings, motion)
+        by_place = float(both) - _log_new(newcomer, height)
     by_place += math.log(rate) - math.log1p(-rate)
     if around.area_px2 is None:
         return by_place
-    share = settings.elsewhere if by_place > -math.inf else 1.0
-    newcomers = settings.newcomer_density * max(around.area_px2 / height**2, 1.0)
-    anywhere = math.log(share * settings.return_rate / newcomers)
+    share = _ELSEWHERE if by_place > -math.inf else 1.0
+    newcomers = _NEWCOMER_DENSITY * max(around.area_px2 / height**2, 1.0)
+    anywhere = math.log(share * _RETURN_RATE / newcomers)
     return float(np.logaddexp(by_place + math.log1p(-min(share, 1 - 1e-9)), anywhere))
 
 
@@ -68,8 +87,7 @@ def claims(
     lost: list[Track],
     looks: FloatArray | float,
     around: Circumstances,
-    settings: MemorySettings,
-    motion: MotionSettings,
+    trust: float,
 ) -> list[tuple[Track, Track, float]]:
     """Newcomers who are lost people: (newcomer, lost, probability), only where it is sure enough.
 
@@ -77,20 +95,17 @@ def claims(
         newcomers: tracks about to be confirmed, or confirmed lately. lost: people out of sight.
         looks: (len(lost), len(newcomers)) log odds of looking the same, or 0.
         around: time, camera and picture.
-        settings: priors and the least probability.
-        motion: how newcomers move.
+        trust: least probability of a return that gives the old id back.
     """
     if not newcomers or not lost:
         return []
-    odds = np.array(
-        [[return_log_odds(new, old, around, settings, motion) for new in newcomers] for old in lost]
-    )
+    odds = np.array([[return_log_odds(new, old, around) for new in newcomers] for old in lost])
     odds = np.maximum(odds + looks, -1e6)
     sure = marginals(odds)
     return [
         (newcomers[j], lost[i], float(sure[i, j]))
         for i, j in assign(odds)
-        if sure[i, j] >= (settings.later_trust if newcomers[j].confirmed else settings.trust)
+        if sure[i, j] >= (_LATER_TRUST if newcomers[j].confirmed else trust)
     ]
 
 
@@ -98,17 +113,15 @@ def _gauss(residual: float, variance: float) -> float:
     return -0.5 * (residual**2 / variance + math.log(2 * math.pi * variance))
 
 
-def _log_new(
-    newcomer: Track, height: float, settings: MemorySettings, motion: MotionSettings
-) -> float:
+def _log_new(newcomer: Track, height: float) -> float:
     speed = newcomer.mean[:2, 1] / height
-    log_density = math.log(settings.newcomer_density)
-    for axis, spread in enumerate((motion.initial_speed_x, motion.initial_speed_y)):
+    log_density = math.log(_NEWCOMER_DENSITY)
+    for axis, spread in enumerate((INITIAL_SPEED_X, INITIAL_SPEED_Y)):
         variance = newcomer.covariance[axis, 1, 1] / height**2 + spread**2
         log_density += _gauss(float(speed[axis]), variance)
     log_density += _gauss(float(newcomer.mean[2, 0] - math.log(height)) * 0.5, 0.5**2)
-    aspect = float(newcomer.mean[3, 0]) - math.log(motion.aspect_mean)
-    return log_density + _gauss(aspect, motion.aspect_spread**2 + newcomer.covariance[3, 0, 0])
+    aspect = float(newcomer.mean[3, 0]) - math.log(ASPECT_MEAN)
+    return log_density + _gauss(aspect, ASPECT_SPREAD**2 + newcomer.covariance[3, 0, 0])
 
 
 def _log_walked(newcomer: Track, lost: Track, height: float) -> float:
@@ -129,18 +142,16 @@ def _log_walked(newcomer: Track, lost: Track, height: float) -> float:
     return total
 
 
-def _log_stayed(
-    newcomer: Track, lost: Track, height: float, settings: MemorySettings, motion: MotionSettings
-) -> float:
+def _log_stayed(newcomer: Track, lost: Track, height: float) -> float:
     total = 0.0
-    for axis, spread in ((0, settings.settle_spread), (1, settings.settle_spread / 2)):
+    for axis, spread in ((0, _SETTLE_SPREAD), (1, _SETTLE_SPREAD / 2)):
         residual = float(newcomer.mean[axis, 0] - lost.anchor[axis]) / height
         carried = (lost.anchor_spread_px / height) ** 2
         variance = spread**2 + carried + newcomer.covariance[axis, 0, 0] / height**2
         total += _gauss(residual, variance)
         speed = float(newcomer.mean[axis, 1]) / height
-        variance = settings.settle_speed**2 + newcomer.covariance[axis, 1, 1] / height**2
+        variance = _SETTLE_SPEED**2 + newcomer.covariance[axis, 1, 1] / height**2
         total += _gauss(speed, variance)
-    total += _gauss(float(newcomer.mean[2, 0] - lost.anchor[2]), 2 * motion.noise_height**2)
+    total += _gauss(float(newcomer.mean[2, 0] - lost.anchor[2]), 2 * NOISE_HEIGHT**2)
     aspect_variance = newcomer.covariance[3, 0, 0] + lost.covariance[3, 0, 0]
     return total + _gauss(float(newcomer.mean[3, 0] - lost.anchor[3]), aspect_variance)

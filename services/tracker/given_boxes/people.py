@@ -8,22 +8,9 @@ from heel.schemas import Blobs, Track
 from heel.services.tracker.given_boxes.appearance import describe
 from heel.services.tracker.given_boxes.box_tracker import BoxTracker
 from heel.services.tracker.given_boxes.carry import CameraStep
-from heel.services.tracker.given_boxes.settings import (
-    AppearanceSettings,
-    BoxTrackerSettings,
-    LifeSettings,
-    MemorySettings,
-)
 from heel.services.tracker.given_boxes.track import TrackOutput
-
-PEOPLE_SETTINGS = BoxTrackerSettings(
-    life=LifeSettings(
-        shown_score=0.85, birth_score=0.5, hidden_score=0.4, coast_s=0.15, least_height=0.08
-    ),
-    memory=MemorySettings(trust=0.75),
-    appearance=AppearanceSettings(most_against_present=3.0, reassure=1.0),
-)
-"""A robot would rather see somebody who is doubtful than lose them for a frame."""
+from heel.services.tracker.given_boxes.tuning import ROBOT, tuned
+from heel.services.tracker.settings import TrackerSettings
 
 
 class PeopleTracker:
@@ -33,16 +20,17 @@ class PeopleTracker:
         self,
         image_size: tuple[int, int],
         next_id: int = 1,
-        settings: BoxTrackerSettings = PEOPLE_SETTINGS,
+        settings: TrackerSettings | None = None,
     ) -> None:
         """Start with nobody.
 
         Args:
             image_size: (width, height) of the frames, pixels.
             next_id: the first id to give out.
-            settings: all numbers.
+            settings: what is reported, and whether appearance is used; defaults if None.
         """
-        self._tracker = BoxTracker(settings, image_size, next_id)
+        self._tracker = BoxTracker(tuned(ROBOT, settings or TrackerSettings()), image_size, next_id)
+        self._identify = settings is None or settings.identify
         self._t_s = 0.0
 
     @property
@@ -62,7 +50,7 @@ class PeopleTracker:
             np.array([blob.box_xyxy for blob in blobs.blobs]).reshape(-1, 4),
             np.array([1.0 if blob.score is None else blob.score for blob in blobs.blobs]),
             self._t_s,
-            describe([blob.patch.array() for blob in blobs.blobs]),
+            describe([blob.patch.array() for blob in blobs.blobs]) if self._identify else None,
             None if blobs.camera_motion is None else CameraStep.told(blobs.camera_motion),
         )
         known = sorted((output for output in found if output.track_id), key=lambda o: o.track_id)

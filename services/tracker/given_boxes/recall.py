@@ -8,22 +8,30 @@ from numpy.typing import NDArray
 from heel.services.tracker.given_boxes.geometry import FloatArray
 from heel.services.tracker.given_boxes.looks import LookModel
 from heel.services.tracker.given_boxes.memory import Circumstances, claims
-from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
 from heel.services.tracker.given_boxes.track import Track
+from heel.services.tracker.given_boxes.tuning import Tuning
 
 _LOOK_AGAIN_HITS = (8, 24)
 """A newcomer who was not recognised at once is looked at again when there is more to look at."""
+_MEMORY_S = 16.0
+"""Time without a box after which a person is forgotten, appearance unknown; chosen by hand."""
+_KNOWN_MEMORY_S = 120.0
+"""The same, where appearance tells who is back: a walk round the block."""
+_MOST_REMEMBERED = 64
+"""Bound of the people remembered."""
+_EDGE = 0.6
+"""Distance from the picture's edge that counts as at it [box widths]; chosen by hand."""
 
 
 class Recall:
     """Keeps lost people and gives newcomers their old ids back."""
 
     def __init__(
-        self, settings: BoxTrackerSettings, looks: LookModel, image_size: tuple[int, int] | None
+        self, tuning: Tuning, looks: LookModel, image_size: tuple[int, int] | None
     ) -> None:
         """Start with nobody lost; without `image_size` nobody is known to have left."""
         self.lost: list[Track] = []
-        self._settings = settings
+        self._tuning = tuning
         self._looks = looks
         self._image_size = image_size
 
@@ -39,10 +47,9 @@ class Recall:
 
     def forget(self, t_s: float, pictures: bool) -> None:
         """Drop who has been gone for too long, or are too many: the longest gone first."""
-        s = self._settings
-        memory_s = s.appearance.memory_s if pictures else s.life.memory_s
+        memory_s = _KNOWN_MEMORY_S if pictures else _MEMORY_S
         remembered = [track for track in self.lost if t_s - track.seen_s <= memory_s]
-        self.lost = remembered[-s.life.memory_size :]
+        self.lost = remembered[-_MOST_REMEMBERED:]
 
     def recognised(
         self, tracks: list[Track], t_s: float, places: bool, pictures: bool
@@ -67,12 +74,11 @@ class Recall:
             newest = np.array([track.gallery.newest() for track in newcomers])
             looks = self._looks.compare([track.gallery for track in missing], newest)
         around = Circumstances(t_s, places, self._area_px2() if pictures else None)
-        s = self._settings
-        return claims(newcomers, missing, looks, around, s.memory, s.motion)
+        return claims(newcomers, missing, looks, around, self._tuning.trust)
 
     def _asks(self, track: Track, pictures: bool) -> bool:
         if not track.confirmed:
-            return track.ready(self._settings.life)
+            return track.ready(self._tuning)
         return pictures and track.hits in _LOOK_AGAIN_HITS
 
     def _area_px2(self) -> float | None:
@@ -92,4 +98,4 @@ class Recall:
             return np.zeros(4, bool)
         box = track.box()
         inside = np.concatenate([box[:2], np.array(self._image_size) - box[2:]])
-        return np.asarray(inside < self._settings.life.edge * (box[2] - box[0]))
+        return np.asarray(inside < _EDGE * (box[2] - box[0]))

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from heel.services.tracker.given_boxes.appearance import cut_out, describe
 from heel.services.tracker.given_boxes.box_tracker import BoxTracker
 from heel.services.tracker.given_boxes.geometry import FloatArray
-from heel.services.tracker.given_boxes.settings import BoxTrackerSettings
 from heel.services.tracker.given_boxes.track import TrackOutput
+from heel.services.tracker.given_boxes.tuning import FILE, Tuning
 
 Picture = Callable[[int], NDArray[np.uint8]]
 """Gives the (H, W, 3) uint8 BGR picture of a frame, by its number from 1."""
@@ -41,20 +41,20 @@ class GivenSequence:
 
 def track_sequence(
     given: GivenSequence,
-    settings: BoxTrackerSettings | None = None,
+    tuning: Tuning = FILE,
     picture: Picture | None = None,
 ) -> Iterator[tuple[int, list[TrackOutput]]]:
     """Yield each frame's number and the tracks a user is shown.
 
     Args:
         given: boxes, scores and clock.
-        settings: of the tracker; defaults if None.
+        tuning: how sure the tracker has to be of what.
         picture: where to get pictures; without, the boxes are all there is.
 
     Raises:
         HeelError: a box or score is not finite, or a box has no area.
     """
-    tracker = BoxTracker(settings, given.image_size)
+    tracker = BoxTracker(tuning, given.image_size)
     order = np.argsort(given.frames, kind="stable")
     last = max(given.frame_count, int(given.frames.max(initial=0)))
     limits = np.searchsorted(given.frames[order], np.arange(1, last + 2))

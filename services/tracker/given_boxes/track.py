@@ -10,12 +10,32 @@ import numpy as np
 
 from heel.services.tracker.given_boxes.geometry import AXES, FloatArray
 from heel.services.tracker.given_boxes.looks import Gallery
-from heel.services.tracker.given_boxes.settings import LifeSettings
+from heel.services.tracker.given_boxes.tuning import Tuning
 
 _EPSILON_S = 1e-6
-_LEAST_CONFIDENCE, _CONFIDENCE_RANGE = 0.52, 0.40
-_FARTHEST_PX, _FASTEST, _MOST_LOG = 1e6, 1e9, 14.0  # beyond all pictures: e^14 is 1.2e6 px
-_LEAST_ODD = 0.05  # no single box is better evidence than 20 to 1: detectors err twice in a row
+"""Slack of comparisons of times, below any frame's."""
+_LEAST_CONFIDENCE = 0.52
+"""Confidence in a track whose motion says nothing of who it is; fitted, see `Track.output`."""
+_CONFIDENCE_RANGE = 0.40
+"""By how much that rises where motion leaves no doubt; fitted with it."""
+_FARTHEST_PX = 1e6
+"""Beyond all pictures."""
+_FASTEST = 1e9
+"""Rate of any axis that no picture shows [1/s or px/s]."""
+_MOST_LOG = 14.0
+"""Size of the logarithms of height and aspect beyond all pictures: e^14 is 1.2e6 px."""
+_LEAST_ODD = 0.05
+"""No single box is better evidence than 20 to 1: detectors err twice in a row."""
+_SCORE_MEMORY_S = 1.0
+"""Memory of the mean score; chosen by hand."""
+_MOST_EXISTENCE = 0.99
+"""Bound of the probability of being a person, so that evidence against one still counts."""
+_CONFIRM_HITS = 3
+"""Boxes before a track is shown: a false alarm seldom comes three times at one place."""
+_CONFIRM_EXISTENCE = 0.95
+"""Probability of being a person before a track is shown."""
+_WALKER_SCORE = 0.6
+"""Mean score from which a track is shown that has walked before a camera that stands."""
 
 
 class TrackState(Enum):
@@ -111,21 +131,22 @@ class Track:
         speed_x, speed_y = self.mean[:2, 1].tolist()
         self.anchor_speed = math.hypot(speed_x, speed_y) / math.exp(self.mean[2, 0])
 
-    def believe(self, score: float, shared: float, t_s: float, life: LifeSettings) -> None:
+    def believe(self, score: float, shared: float, t_s: float) -> None:
         """Take a box of one's own as evidence of being a person.
 
         Args:
             score: the detector's, in [0, 1], read as the probability that the box is a person.
             shared: overlap in [0, 1] with a person known already: the chance of a second box of it.
             t_s: now.
-            life: memory of the mean score.
         """
         elapsed_s = t_s - self.seen_s
-        blend = max(1 - math.exp(-elapsed_s / life.score_memory_s), 1 / (self.hits + 1))
+        blend = max(1 - math.exp(-elapsed_s / _SCORE_MEMORY_S), 1 / (self.hits + 1))
         self.mean_score += blend * (score - self.mean_score)
         false_alarm = min((1 - score) / max(score, 1e-6), 1.0)
         odd = max(false_alarm, shared, _LEAST_ODD)
-        self.existence = min(self.existence / (self.existence + (1 - self.existence) * odd), 0.99)
+        self.existence = min(
+            self.existence / (self.existence + (1 - self.existence) * odd), _MOST_EXISTENCE
+        )
         self.hits += 1
         self.alone_s = t_s
         self.see(t_s)
@@ -140,13 +161,13 @@ class Track:
         self.runner_up = min(self.runner_up + self.confidence * best, 1.0)
         self.confidence *= max(1 - rivals, 0.0) * memory
 
-    def ready(self, life: LifeSettings) -> bool:
+    def ready(self, tuning: Tuning) -> bool:
         """Whether a newcomer is sure enough to be shown."""
         return bool(
             not self.confirmed
-            and self.hits >= life.confirm_hits
-            and self.existence >= life.confirm_existence
-            and self.mean_score >= (life.walker_score if self.walked else life.shown_score)
+            and self.hits >= _CONFIRM_HITS
+            and self.existence >= _CONFIRM_EXISTENCE
+            and self.mean_score >= (_WALKER_SCORE if self.walked else tuning.shown_score)
         )
 
     def is_somewhere(self) -> bool:
@@ -172,16 +193,19 @@ class Track:
         half_width = half_height * math.exp(log_aspect)
         return np.array([x - half_width, y - half_height, x + half_width, y + half_height])
 
-    def output(self, t_s: float, life: LifeSettings, pictures: bool, at_side: bool) -> TrackOutput:
+    def output(
+        self, t_s: float, tuning: Tuning, pictures: bool, at_side: bool, least_px: float
+    ) -> TrackOutput:
         """What a user is told.
 
         Args:
-            t_s: now. life: when a track is shown. pictures: whether looks are known.
+            t_s: now. tuning: when a track is shown. pictures: whether looks are known.
             at_side: whether it is at the picture's side: without a box there, it has left.
+            least_px: height below which nobody is shown.
         """
         unseen_s = t_s - self.seen_s
-        least = life.walker_score if self.walked else life.hidden_score
-        coast_s = 0.0 if at_side else life.coast_s
+        least = _WALKER_SCORE if self.walked else tuning.hidden_score
+        coast_s = 0.0 if at_side else tuning.show_missed_s
         shown = self.confirmed and unseen_s <= coast_s + _EPSILON_S
         confidence = self.confidence
         if not pictures:
@@ -198,7 +222,7 @@ class Track:
             runner_up_confidence=min(self.runner_up, 1 - confidence),
             missed_frames=self.missed_frames,
             occluded_by=tuple(other.track_id for other in self.in_front if other.track_id),
-            shown=shown and self.mean_score >= least,
+            shown=shown and self.mean_score >= least and self.height_px() >= least_px,
         )
 
     def _state(self, t_s: float) -> TrackState:

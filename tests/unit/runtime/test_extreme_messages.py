@@ -23,6 +23,7 @@ from heel.schemas import (
     decode,
     encode,
 )
+from heel.schemas.errors import SettingsError
 from heel.services.detector.core import Detector
 from heel.services.detector.settings import DetectorSettings
 from heel.services.follower.core import Follower
@@ -49,7 +50,7 @@ def test_the_tracker_lives(seed: int) -> None:
     odd.kind = "people" if seed % 2 else "regions"
     tracker = Tracker(TrackerSettings(preset="paper" if seed == 0 else "default"))
     for _ in range(120):
-        with suppress(MessageError):
+        with suppress(MessageError, SettingsError):
             encode(tracker.update(decode(Blobs, encode(odd.blobs()))))
             tracker.settle()
 
@@ -85,7 +86,7 @@ def test_the_detector_lives() -> None:
     for _ in range(25):
         frame, pixels, source_size = odd.picture()
         pointed = odd.pointed(frame) if odd.random.random() < 0.3 else None
-        with suppress(MessageError):
+        with suppress(MessageError, SettingsError):
             encode(detector.detect(frame, pixels, source_size, None, pointed))
 
 

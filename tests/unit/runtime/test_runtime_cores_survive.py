@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from heel.schemas import Blobs, MessageError, Tracks, decode, encode
+from heel.schemas.errors import SettingsError
 from heel.services.detector.core import Detector
 from heel.services.detector.settings import DetectorSettings
 from heel.services.tracker.core import Tracker
@@ -39,7 +40,7 @@ def test_any_valid_blobs_give_valid_tracks(maps: list[dict[str, Any]], preset: s
     for fields in maps:
         # Of one scene, so that what is tracked meets what comes next.
         fields = with_boxes_by_the_frame(fields | {key: maps[0][key] for key in _SAME})
-        with suppress(MessageError):
+        with suppress(MessageError, SettingsError):
             encode(tracker.update(decode(Blobs, msgpack.packb(fields))))
 
 

@@ -280,4 +280,4 @@ def test_unreadable_evidence_is_refused_and_changes_nothing() -> None:
 def test_wrong_settings_are_refused() -> None:
     with pytest.raises(ValueError, match="forgetfulness"):
         TrackerSettings.model_validate({"forgetfulness": 1})
-    assert TrackerSettings.model_validate({"forget_s": None}).forget_s == 3.5
+    assert TrackerSettings.model_validate({"forget_s": None}) == TrackerSettings()

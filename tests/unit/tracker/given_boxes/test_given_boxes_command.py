@@ -80,9 +80,9 @@ def test_pictures_are_used_when_given(sequence: Path, tmp_path: Path) -> None:
 
 def test_settings_come_from_a_file(sequence: Path, tmp_path: Path) -> None:
     config = tmp_path / "heel.toml"
-    config.write_text("[life]\nconfirm_hits = 10\n")
+    config.write_text("[tracker]\nmin_height = 0.5\n")
     run(sequence, "--out", tmp_path / "t.txt", "--config", config)
-    assert read_tracks(tmp_path / "t.txt").frames.min() == 10
+    assert len(read_tracks(tmp_path / "t.txt")) == 0
 
 
 @pytest.mark.parametrize(
@@ -129,10 +129,12 @@ def test_a_flag_without_sense_is_refused(tmp_path: Path, flags: tuple[str, ...],
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("[life]\nhits = 3\n", "life.hits"),
-        ("[life]\nconfirm_hits = 0\n", "life.confirm_hits = 0"),
-        ("[lives]\n", "lives"),
+        ("[tracker]\nmin_hight = 3\n", "tracker.min_hight.*min_height"),
+        ("[tracker]\nmin_height = 0\n", "tracker.min_height = 0"),
+        ("[life]\n", "life"),
         ("life\n", "not TOML"),
+        ('[tracker]\npreset = "paper"\n', "tracker.preset = paper.*people's boxes"),
+        ('[tracker]\ncalibration = "c.toml"\n', "tracker.calibration = c.toml.*people's boxes"),
     ],
 )
 def test_a_broken_setting_is_named(sequence: Path, tmp_path: Path, text: str, told: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from heel.services.tracker.given_boxes.appearance import LOOK_LENGTH
 from heel.services.tracker.given_boxes.box_tracker import BoxTracker
-from heel.services.tracker.given_boxes.people import PEOPLE_SETTINGS
+from heel.services.tracker.given_boxes.tuning import ROBOT
 
 FRAME_S = 0.05
 BOX = np.array([[300.0, 150.0, 380.0, 400.0]])
@@ -25,7 +25,7 @@ LIGHT, DARK = np.eye(LOOK_LENGTH)[[0, 1]]
 def test_somebody_who_looks_different_is_the_same_only_without_a_gap(
     gap_s: float, kept: bool
 ) -> None:
-    tracker = BoxTracker(PEOPLE_SETTINGS, (640, 480))
+    tracker = BoxTracker(ROBOT, (640, 480))
     t_s = 0.0
     for look in [LIGHT] * 40 + [None] * round(gap_s / FRAME_S) + [DARK] * 20:
         t_s += FRAME_S

@@ -11,12 +11,10 @@ from heel.services.tracker.given_boxes.frame import FrameBoxes
 from heel.services.tracker.given_boxes.geometry import FloatArray
 from heel.services.tracker.given_boxes.identity import Identity
 from heel.services.tracker.given_boxes.looks import Gallery, LookModel, nearest_views
-from heel.services.tracker.given_boxes.settings import AppearanceSettings
 from heel.services.tracker.given_boxes.track import Track
 from tests.unit.tracker.drawn_detections import BLUE, GREEN, RED, Colours, patch
 
 ALMOST_RED: Colours = ((32, 34, 197), (62, 51, 42))
-SETTINGS = AppearanceSettings()
 BOX = np.array([[100.0, 100.0, 180.0, 300.0]])
 
 
@@ -27,7 +25,7 @@ def looks(colours: Colours, count: int, seed: int = 0) -> FloatArray:
 def person(track_id: int, colours: Colours) -> Track:
     track = Track(np.zeros((4, 2)), np.zeros((4, 2, 2)), 0.9, 0.0, 0.0, 0.0, track_id=track_id)
     for look in looks(colours, 10, 100 * track_id):
-        track.gallery.add(look, SETTINGS)
+        track.gallery.add(look)
     return track
 
 
@@ -64,38 +62,36 @@ def test_the_same_person_is_nearer_than_another_at_any_size(scale: int) -> None:
 def test_a_gallery_takes_a_new_view_for_a_new_look_and_not_more_than_it_may() -> None:
     gallery = Gallery()
     for colours in (RED, RED, GREEN, BLUE):
-        gallery.add(looks(colours, 1)[0], SETTINGS)
+        gallery.add(looks(colours, 1)[0])
     assert (len(gallery.views), gallery.looks) == (3, 4)
     for seed in range(40):
         rng = np.random.default_rng(seed).random(LOOK_LENGTH) ** 8
-        gallery.add(rng / np.linalg.norm(rng), SETTINGS)
-    assert len(gallery.views) == SETTINGS.most_views
+        gallery.add(rng / np.linalg.norm(rng))
+    assert len(gallery.views) == 5
     copy = gallery.copy()
-    gallery.add(looks(RED, 1)[0], SETTINGS)
+    gallery.add(looks(RED, 1)[0])
     assert copy.looks == gallery.looks - 1
 
 
 def test_an_empty_gallery_says_nothing() -> None:
     assert nearest_views([Gallery(), Gallery()], looks(RED, 3)).tolist() == [[1.0] * 3] * 2
-    assert LookModel(SETTINGS).compare([Gallery()], looks(RED, 2)).tolist() == [[0.0, 0.0]]
+    assert LookModel().compare([Gallery()], looks(RED, 2)).tolist() == [[0.0, 0.0]]
 
 
 def test_what_a_look_is_worth_is_bounded_and_learned() -> None:
-    model, people = LookModel(SETTINGS), [person(1, RED), person(2, GREEN)]
+    model, people = LookModel(), [person(1, RED), person(2, GREEN)]
     for seed in range(60):
         both = np.concatenate([looks(RED, 1, 500 + seed), looks(GREEN, 1, 900 + seed)])
         model.learn([one.gallery for one in people], both)
     odds = model.compare([people[0].gallery], np.concatenate([looks(RED, 3), looks(BLUE, 3)]))[0]
     assert (odds[:3] > 2).all()
     assert (odds[3:] < -2).all()
-    assert model.log_odds(np.array([0.0, 1.0])).tolist() == pytest.approx(
-        [SETTINGS.most, -SETTINGS.most_against]
-    )
+    assert model.log_odds(np.array([0.0, 1.0])).tolist() == pytest.approx([6.0, -12.0])
 
 
 def meet(first: Track, second: Track, seen: tuple[Colours, Colours], frames: int = 30) -> None:
     """Two who could be taken for each other at time 0 are seen alone, in these clothes."""
-    contacts = Contacts(SETTINGS, LookModel(SETTINGS))
+    contacts = Contacts(LookModel())
     contacts.touch(first, second, 0.0)
     first.confidence = second.confidence = 0.5
     assert contacts.among(first)
@@ -127,7 +123,7 @@ def test_who_is_who_after_a_contact(
 
 def test_a_contact_ends_when_one_of_the_two_is_forgotten() -> None:
     one, other = person(1, RED), person(2, GREEN)
-    contacts = Contacts(SETTINGS, LookModel(SETTINGS))
+    contacts = Contacts(LookModel())
     contacts.touch(one, other, 0.0)
     contacts.decide([], np.zeros((0, LOOK_LENGTH)), {id(one)}, 0.1, 0.1)
     assert not contacts.among(one)
@@ -136,7 +132,7 @@ def test_a_contact_ends_when_one_of_the_two_is_forgotten() -> None:
 def test_both_are_in_doubt_while_a_contact_is_open() -> None:
     """A box that may be the other's makes the other's next box as doubtful."""
     one, other = person(1, RED), person(2, ALMOST_RED)
-    contacts = Contacts(SETTINGS, LookModel(SETTINGS))
+    contacts = Contacts(LookModel())
     one.doubt(rivals=0.5, best=0.5, memory=1.0)
     contacts.touch(one, other, 0.0)
     contacts.decide([], np.zeros((0, LOOK_LENGTH)), {id(one), id(other)}, 0.0, 0.1)
@@ -158,14 +154,13 @@ def test_who_is_back_may_be_a_missing_person_of_the_same_look(
     missing: Colours | None, at_edge: bool, low: float, high: float
 ) -> None:
     others = [] if missing is None else [person(2, missing)]
-    sure = Identity(SETTINGS).back(person(1, RED), looks(RED, 1)[0], others, at_edge)
+    sure = Identity(reassure=0.0).back(person(1, RED), looks(RED, 1)[0], others, at_edge)
     assert low <= sure <= high
 
 
 def doubted(seen: Colours, other: Colours, seconds: float = 4.0) -> Track:
     """A red person of whom motion is not sure, seen alone in these clothes; somebody is missing."""
-    settings = AppearanceSettings(reassure=1.0)
-    identity = Identity(settings)
+    identity = Identity(reassure=1.0)
     track, missing = person(1, RED), person(2, other)
     track.confirmed = missing.confirmed = True
     track.confidence = 0.5

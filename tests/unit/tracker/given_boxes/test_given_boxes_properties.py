@@ -12,7 +12,6 @@ from heel.services.tracker.given_boxes.box_tracker import BoxTracker
 from heel.services.tracker.given_boxes.camera_motion import CameraMotion, common_shift
 from heel.services.tracker.given_boxes.geometry import boxes_to_measurements, measurements_to_boxes
 from heel.services.tracker.given_boxes.score_scale import RunningMedian, ScoreScale
-from heel.services.tracker.given_boxes.settings import CameraSettings, MotionSettings
 from heel.services.tracker.given_boxes.track import TrackOutput
 
 Frame = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -113,7 +112,7 @@ def test_scores_without_meaning_count_alike() -> None:
 def test_a_camera_moves_if_all_are_surprised_alike() -> None:
     rng = np.random.default_rng(2)
     for shake, stands in ((0.0, True), (0.05, False)):
-        motion = CameraMotion(CameraSettings(), MotionSettings())
+        motion = CameraMotion()
         assert motion.stands()
         for _ in range(300):
             motion.learn(rng.normal(0, 0.03, (6, 2)) + rng.normal(0, shake, 2))

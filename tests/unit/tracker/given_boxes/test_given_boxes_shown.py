@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from heel.services.tracker.given_boxes.box_tracker import BoxTracker
-from heel.services.tracker.given_boxes.people import PEOPLE_SETTINGS
 from heel.services.tracker.given_boxes.track import TrackOutput
+from heel.services.tracker.given_boxes.tuning import ROBOT
 
 IMAGE = (1000, 500)
 FPS = 10.0
@@ -21,7 +21,7 @@ def person(x: float, height: float, foot: float = 400.0) -> Box:
 
 def shown(frames: list[list[Box]], scores: float = 0.9) -> list[list[TrackOutput]]:
     """Shown tracks of every frame of boxes."""
-    tracker = BoxTracker(PEOPLE_SETTINGS, IMAGE)
+    tracker = BoxTracker(ROBOT, IMAGE)
     said = []
     for index, boxes in enumerate(frames):
         found = tracker.update(
@@ -81,7 +81,7 @@ def test_for_a_frame_without_a_box_people_are_shown_but_at_the_sides(
 
 def test_a_known_person_is_shown_on_weak_boxes_and_a_newcomer_is_not() -> None:
     strong, weak = person(300, 150), person(700, 150)
-    tracker = BoxTracker(PEOPLE_SETTINGS, IMAGE)
+    tracker = BoxTracker(ROBOT, IMAGE)
     for index in range(40):
         boxes = [strong] if index < 20 else [strong, weak]
         found = tracker.update(np.array(boxes), np.array([0.8, 0.35][: len(boxes)]), index / FPS)

@@ -1,0 +1,92 @@
+"""The numbers in which a robot and a file of boxes differ, and those that a user can set.
+
+All other numbers of the box tracker are constants beside the code that uses them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from heel.services.tracker.settings import TrackerSettings
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """How sure the box tracker has to be of what.
+
+    Attributes:
+        birth_score: least score of a box that starts a track, share of a usual person's.
+        shown_score: mean score from which a track is shown, likewise.
+        hidden_score: mean score below which a shown track is hidden again, likewise.
+        near_height: height below which a new track is not shown while a nearer person is in sight,
+            picture heights.
+        min_height: height below which nobody is shown, picture heights.
+        show_missed_s: time without a box for which a track is still shown.
+        forget_s: time without a box for which a track takes boxes, appearance unknown.
+        forget_known_s: the same, where appearance guards against a wrong box.
+        trust: least probability of a return that gives the old id back.
+        rivals: probability that the box of a track that was out of sight is another's, above which
+            it gets a fresh id; where appearance is known that decides instead.
+        most_against_present: most log odds that colours take from a track that was seen a moment
+            ago and that nobody covers.
+        reassure: how much colours settle a doubt, share of their log odds per second.
+    """
+
+    birth_score: float
+    shown_score: float
+    hidden_score: float
+    near_height: float
+    min_height: float
+    show_missed_s: float
+    forget_s: float
+    forget_known_s: float
+    trust: float
+    rivals: float
+    most_against_present: float
+    reassure: float
+
+
+FILE = Tuning(
+    birth_score=0.6,
+    shown_score=0.92,
+    hidden_score=0.85,
+    near_height=0.0,
+    min_height=0.0,
+    show_missed_s=0.0,
+    forget_s=0.7,
+    forget_known_s=2.0,
+    trust=0.65,
+    rivals=0.1,
+    most_against_present=12.0,
+    reassure=0.0,
+)
+"""For files of boxes, where every false box counts; chosen by hand on public detections."""
+
+ROBOT = Tuning(
+    birth_score=0.5,
+    shown_score=0.85,
+    hidden_score=0.4,
+    near_height=0.08,
+    min_height=0.0,
+    show_missed_s=0.15,
+    forget_s=0.7,
+    forget_known_s=2.0,
+    trust=0.75,
+    rivals=0.1,
+    most_against_present=3.0,
+    reassure=1.0,
+)
+"""For a robot, which would rather see a doubtful person than lose one for a frame; and whose light
+changes at once when it turns, which people do not; chosen by hand."""
+
+
+def tuned(usual: Tuning, settings: TrackerSettings) -> Tuning:
+    """The usual numbers, but for what a user has set.
+
+    Raises:
+        SettingsError: a setting has no meaning for people's boxes.
+    """
+    settings.check("people")
+    own = {"min_height": settings.min_height, "show_missed_s": settings.show_missed_s,
+           "forget_s": settings.forget_s, "forget_known_s": settings.forget_s}  # fmt: skip
+    return replace(usual, **{name: value for name, value in own.items() if value is not None})
