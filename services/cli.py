@@ -9,6 +9,9 @@ from typing import Annotated
 
 import typer
 
+from heel.services.runtime import one_blas_thread  # noqa: F401
+
+# isort: split
 from heel.services.capture.settings import CaptureSettings
 from heel.services.commands import register_tools
 from heel.services.detector.settings import DetectorServiceSettings

@@ -15,7 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.schemas import Blobs, CameraInfo, FrameId, MotionCommand, Pointed, Tracks
+from heel.schemas import (
+    Blobs,
+    CameraInfo,
+    FollowState,
+    FrameId,
+    MotionCommand,
+    Pointed,
+    Target,
+    TargetRequest,
+    Tracks,
+)
 from heel.services.capture.describe import Mounting, mounting
 from heel.services.capture.pixels import fit_to_cap
 from heel.services.capture.scene_source import open_scene
@@ -88,11 +98,12 @@ class PipelineResult:
     blobs: Blobs
     tracks: Tracks
     command: MotionCommand
+    state: FollowState
     target_id: int | None
 
 
 class FollowingPipeline:
-    """Detector, tracker and follower, with the stream as their clock."""
+    """Detector, tracker and follower; in a recording the stream is their clock."""
 
     def __init__(
         self, detector: DetectorSettings, tracker: TrackerSettings, follower: FollowerSettings,
@@ -101,18 +112,47 @@ class FollowingPipeline:
         self._perception = InProcessPipeline(detector, tracker)
         self._follower = Follower(follower)
         self._camera: Mounting | None = camera
+        self._pointed: Pointed | None = None
 
     def step(
         self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
     ) -> PipelineResult:
-        """Process one frame; arguments as `InProcessPipeline.step`."""
-        blobs, tracks = self._perception.step(frame, image, source_size)
+        """Process one frame of a recording; arguments as `InProcessPipeline.step`."""
+        blobs, tracks = self.perceive(frame, image, source_size)
+        return self.act(blobs, tracks, frame.t_capture_ns * 1e-9, 0.0)
+
+    def perceive(
+        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
+    ) -> tuple[Blobs, Tracks]:
+        """The first half of `step`: blobs and tracks of a frame."""
+        pointed, self._pointed = self._pointed, None
+        return self._perception.step(frame, image, source_size, pointed)
+
+    def act(self, blobs: Blobs, tracks: Tracks, now_s: float, age_s: float) -> PipelineResult:
+        """The second half of `step`: the command that rests on a frame's tracks.
+
+        Args:
+            blobs, tracks: of `perceive`.
+            now_s: the present, on the clock of the frames.
+            age_s: how old the frame is by now.
+        """
         if self._camera is not None:
             self._follower.set_camera(_camera_info(tracks, self._camera))
             self._camera = None
         self._follower.observe(tracks, _TRACKER)
-        command = self._follower.step(frame.t_capture_ns * 1e-9, 0.0)
-        return PipelineResult(blobs, tracks, command, self._follower.target.track_id)
+        command = self._follower.step(now_s, age_s)
+        state = self._follower.state
+        return PipelineResult(blobs, tracks, command, state, self._follower.target.track_id)
+
+    def choose(self, request: TargetRequest) -> Target:
+        """Choose or clear the target; a point at which nobody is tracked is told to the detector.
+
+        Raises:
+            TargetError: as `Follower.choose`.
+        """
+        target = self._follower.choose(request)
+        self._pointed = self._follower.pointed
+        return target
 
 
 def _camera_info(tracks: Tracks, camera: Mounting) -> CameraInfo:
@@ -155,6 +195,20 @@ def load_pipeline(
     return pipeline, shown
 
 
+def repeatable_id(seq: int, index: int, time_s: float) -> FrameId:
+    """Name of a frame, the same in every run.
+
+    Args:
+        seq: frames before it that were taken in.
+        index: frames before it in the source, also those that were left out.
+        time_s: on the source's own clock, from 0.
+    """
+    return FrameId(
+        stream="front", epoch=REPEATABLE_EPOCH, seq=seq, index=index,
+        t_capture_ns=round(time_s * 1e9),
+    )  # fmt: skip
+
+
 class RecordedFrames:
     """The frames of a recording as a lossless capture process would send them.
 
@@ -175,10 +229,7 @@ class RecordedFrames:
         """Frame id, image and source size of every frame."""
         seq = 0
         while (frame := self.source.read()) is not None:
-            frame_id = FrameId(
-                stream="front", epoch=REPEATABLE_EPOCH, seq=seq, index=frame.index,
-                t_capture_ns=round(frame.media_time_s * 1e9),
-            )  # fmt: skip
+            frame_id = repeatable_id(seq, frame.index, frame.media_time_s)
             yield frame_id, fit_to_cap(frame.image), (frame.source_width, frame.source_height)
             seq += 1
 

@@ -7,6 +7,9 @@ import os
 import shutil
 import tempfile
 
+from heel.services.runtime import one_blas_thread  # noqa: F401
+
+# isort: split
 from heel.services.capture.quiet import silence_decoders
 from heel.services.runtime.places import VARIABLE
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from heel.services.runtime import one_blas_thread  # noqa: F401
+
+# isort: split
 from heel.services.runtime.command_line import service_app
 from heel.services.web.settings import WebServiceSettings
 
