@@ -263,6 +263,13 @@ class Video:
         is_live: True for a camera, of which frames are skipped while one is worked on.
     """
 
+    name: str
+    width: int
+    height: int
+    fps: float
+    frame_count: int | None
+    is_live: bool
+
     def __init__(self, source: FrameSource, follower: Follower) -> None:
         self._source, self._follower = source, follower
         self._seq = 0
