@@ -16,6 +16,10 @@ _STANDING_MPS = 0.15
 """Slower people stand, as far as their estimate can tell."""
 _SMOOTHED_S = 0.1
 """Trackers smooth boxes: who stops dead is seen to do so later by that."""
+_DISTANCE_DEADBAND_M = 0.1
+"""Error of the distance that is left alone: people sway by so much where they stand."""
+_BEARING_DEADBAND_RAD = 0.03
+"""Error of the bearing that is left alone: boxes scatter by so much."""
 _NEAR_M = 0.5
 _TOO_NEAR_M = 0.2
 """Nearer than wished by so much, nobody is followed on."""
@@ -121,13 +125,13 @@ class VelocityController:
     def turn_to(self, bearing_rad: float, at_most_radps: float) -> float:
         """The turn rate that brings a direction before the robot, for `turn`."""
         s = self._settings
-        angular = s.angular_gain_per_s * _outside(bearing_rad, s.bearing_deadband_rad)
+        angular = s.angular_gain_per_s * _outside(bearing_rad, _BEARING_DEADBAND_RAD)
         return min(max(angular, -at_most_radps), at_most_radps)
 
     def _wished_linear(self, goal: Goal) -> tuple[float, str]:
         s = self._settings
         distance_m, bearing_rad = goal.distance_m, goal.bearing_rad
-        error_m = _outside(distance_m - s.distance_m, s.distance_deadband_m)
+        error_m = _outside(distance_m - s.distance_m, _DISTANCE_DEADBAND_M)
         away_mps = (
             goal.place[0] * goal.velocity[0] + goal.place[1] * goal.velocity[1]
         ) / max(distance_m, _NEAR_M)  # fmt: skip
@@ -150,7 +154,7 @@ class VelocityController:
         s = self._settings
         passing = goal.place[0] * goal.velocity[1] - goal.place[1] * (goal.velocity[0] - linear_mps)
         passing_radps = passing / max(goal.distance_m, _NEAR_M) ** 2
-        error = _outside(goal.bearing_rad + sidestep_rad, s.bearing_deadband_rad)
+        error = _outside(goal.bearing_rad + sidestep_rad, _BEARING_DEADBAND_RAD)
         return s.angular_gain_per_s * error + _outside(passing_radps, 0.05)
 
     def _forward(self, wished: float, why: str, room: Room, dt_s: float) -> float:

@@ -28,7 +28,13 @@ from heel.services.follower.moving_picture import PictureWatch
 from heel.services.follower.own_motion import OwnMotion
 from heel.services.follower.people import People
 from heel.services.follower.search import Search
-from heel.services.follower.sensors import Sensor, Sensors, implausible_odometry, implausible_ranges
+from heel.services.follower.sensors import (
+    MAX_ODOMETRY_AGE_S,
+    Sensor,
+    Sensors,
+    implausible_odometry,
+    implausible_ranges,
+)
 from heel.services.follower.settings import FollowerSettings
 from heel.services.follower.sight import judge_sight
 from heel.services.follower.states import Situation, next_state
@@ -36,6 +42,8 @@ from heel.services.follower.surroundings import Surroundings
 from heel.services.follower.target import TargetChoice
 
 _MAX_STEP_S = 0.2
+_SEARCH_SWEEP_RAD = 0.6
+"""The search looks so far to either side of where the person should be; chosen by hand."""
 
 
 class Follower:
@@ -50,7 +58,7 @@ class Follower:
         self.settings = settings
         self._controller = VelocityController(settings)
         self._people = People(settings.person_height_m, math.radians(settings.horizontal_fov_deg))
-        self._motion = OwnMotion(settings.robot_delay_s, settings.max_odometry_age_s)
+        self._motion = OwnMotion(settings.robot_delay_s, MAX_ODOMETRY_AGE_S)
         self._surroundings = Surroundings(settings)
         self._sensors = Sensors(settings)
         self._choice = TargetChoice(settings)
@@ -333,7 +341,7 @@ class Follower:
         _, left = pose.seen(*expected)
         side = math.copysign(1.0, sideways if abs(sideways) > 0.2 else left)
         last_seen = place.place_at(place.t_s)
-        self._search = Search(pose, expected, last_seen, side, self.settings.search_sweep_rad)
+        self._search = Search(pose, expected, last_seen, side, _SEARCH_SWEEP_RAD)
 
     def _drive(self, now_s: float, dt_s: float) -> tuple[float, float]:
         """Velocity of the present state: `following` and `occluded` drive, two turn on the spot."""

@@ -58,6 +58,10 @@ class _Heard:
     alike_s: float = -math.inf
 
 
+MAX_ODOMETRY_AGE_S = 0.3
+"""Older odometry is not used, the commands count then: three messages of a base at 10 Hz."""
+
+
 class Sensors:
     """Remembers which sensor spoke last in a way that can be used.
 
@@ -69,7 +73,7 @@ class Sensors:
         self._heard: dict[Sensor, _Heard] = {name: _Heard() for name in _HOLD_S}
         self._fresh_s: dict[Sensor, float] = {
             "ranges": settings.max_ranges_age_s,
-            "odometry": settings.max_odometry_age_s,
+            "odometry": MAX_ODOMETRY_AGE_S,
             "camera": math.inf,
         }
 

@@ -17,6 +17,12 @@ _CHOICE_AGE_S = 0.5
 moves before the tracks are fresh."""
 
 
+_IMPRINT_DISTANCE_M = 2.5
+"""How near a person has to stand to be imprinted on: within speaking distance."""
+_IMPRINT_HALF_ANGLE_RAD = 0.35
+"""How far off straight ahead at most: 20 degrees; chosen by hand."""
+
+
 class TargetError(HeelError):
     """A target that cannot be chosen."""
 
@@ -31,7 +37,7 @@ class TargetChoice:
 
     def __init__(self, settings: FollowerSettings) -> None:
         self._imprinting = Imprinting(
-            settings.imprint_s, settings.imprint_distance_m, settings.imprint_half_angle_rad
+            settings.imprint_s, _IMPRINT_DISTANCE_M, _IMPRINT_HALF_ANGLE_RAD
         )
         self._waiting = {
             "nearest": "waiting for the first person",

@@ -6,9 +6,9 @@ A settings file is TOML with one table per service and two shared ones:
     connect = ["tcp/127.0.0.1:7447"]
 
     [tracker]
-    max_missed_frames = 25
+    show_missed_s = 1.5
 
-The environment spells the same keys `HEEL_ZENOH__CONNECT`, `HEEL_TRACKER__MAX_MISSED_FRAMES`.
+The environment spells the same keys `HEEL_ZENOH__CONNECT`, `HEEL_TRACKER__SHOW_MISSED_S`.
 """
 
 from __future__ import annotations
@@ -43,8 +43,7 @@ from heel.schemas.base import Name
 from heel.schemas.errors import SettingsError
 from heel.services.runtime.passwords import without_passwords
 
-SERVICES = ("capture", "detector", "tracker", "follower", "drive", "web", "recorder", "simulator",
-            "router", "run")  # fmt: skip
+SERVICES = ("capture", "detector", "tracker", "follower", "drive", "web", "simulator", "router")
 SECTIONS = (*SERVICES, "zenoh", "log")
 ENVIRONMENT_PREFIX = "HEEL_"
 
@@ -235,11 +234,14 @@ def load_settings(
     Raises:
         SettingsError: unknown table or key, wrong type, out of range, unreadable file.
     """
-    _check_environment(os.environ)
+    models: dict[str, type[BaseModel]] = {
+        "zenoh": ZenohSettings, "log": LogSettings, **_known_tables, service: model,
+    }  # fmt: skip
+    _check_environment(os.environ, models)
     named = os.environ.get("HEEL_CONFIG")
     file = file or (Path(named) if named else None)
     tables = read_tables(file)
-    _check_keys(tables, {**_known_tables, service: model}, f"settings file {file}: ")
+    _check_keys(tables, models, f"settings file {file}: ")
     merged: type[_Merged] = create_model(
         "Merged",
         __base__=_Merged,
@@ -311,8 +313,6 @@ def _check_keys(
     """
     for name, table in tables.items():
         model = models.get(name)
-        if model is None and _known_tables and name in SERVICES:
-            raise SettingsError(f"{where}[{name}]: nothing has settings of that name")
         for key in table:
             if model is not None and key not in model.model_fields:
                 raise SettingsError(
@@ -320,21 +320,28 @@ def _check_keys(
                 )
 
 
-def _check_environment(names: Iterable[str]) -> None:
+def _check_environment(names: Iterable[str], models: Mapping[str, type[BaseModel]]) -> None:
     """Refuse variables that look like settings and would be ignored.
 
     Raises:
-        SettingsError: a table that no service owns, or one underscore where two are needed.
+        SettingsError: a table that no service owns, a key that it does not have, or one underscore
+            where two are needed.
     """
     for name in names:
         if not name.upper().startswith(ENVIRONMENT_PREFIX):
             continue
-        table, separator, _ = name.upper().removeprefix(ENVIRONMENT_PREFIX).partition("__")
+        table, separator, key = name.upper().removeprefix(ENVIRONMENT_PREFIX).partition("__")
         table = table.lower()
         if separator and table not in SECTIONS:
             raise SettingsError(
                 f"environment variable {name}: {table} is not a table of Heel's"
                 f"{_nearest(table, SECTIONS)}"
+            )
+        fields = models[table].model_fields if separator and table in models else {}
+        key = key.partition("__")[0].lower()
+        if fields and key not in fields:
+            raise SettingsError(
+                f"environment variable {name}: {table}.{key}: unknown key{_nearest(key, fields)}"
             )
         section, _, rest = table.partition("_")
         if section in SECTIONS and rest and not separator:

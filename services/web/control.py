@@ -43,6 +43,10 @@ class RouterAwayError(HeelError):
     """What was asked for cannot be sent now, and must not be sent later."""
 
 
+_TARGET_TIMEOUT_S = 1.0
+"""Longest wait for the follower's answer to a choice: people click again after more."""
+
+
 class Control:
     """Target and emergency stop, towards Zenoh.
 
@@ -55,7 +59,7 @@ class Control:
         self._session = context.session
         self._producer = context.producer
         self._log = context.log
-        self._timeout_s = context.settings.target_timeout_s
+        self._timeout_s = _TARGET_TIMEOUT_S
         self._lock = threading.Lock()
         self._stop = PageStop()
         self._robot = context.robot

@@ -44,6 +44,15 @@ from heel.services.web.server import ServerThread, listen
 from heel.services.web.settings import WebServiceSettings, is_loopback
 from heel.services.web.status import StatusBoard
 
+_TRACKS_DEADLINE_S = 0.4
+"""A picture waits so long for its tracks, then goes without: twice what a slow detector takes."""
+_HELD_IMAGES = 32
+"""Bound of the pictures that wait for their tracks: a second of a camera."""
+_HELD_BYTES = 64_000_000
+"""Bound of their memory: 32 pictures of 900 x 700 pixels."""
+_STALE_AFTER_S = 1.0
+"""The page warns when no picture came for so long: longer than any hiccup of a network."""
+
 _STATUS_PERIOD_S = 0.2
 _ROUTER_PERIOD_S = 0.2
 _RECONNECT_S = 2.0
@@ -63,11 +72,9 @@ class WebService:
         self._hub = hub
         self._control = control
         settings = context.settings
-        self._joiner = FrameJoiner(
-            settings.tracks_deadline_s, settings.held_images, int(settings.held_mb * 1e6)
-        )
+        self._joiner = FrameJoiner(_TRACKS_DEADLINE_S, _HELD_IMAGES, _HELD_BYTES)
         self._rate = RateLimiter(settings.max_fps)
-        self._board = StatusBoard(settings.camera, settings.stale_after_s, context.producer)
+        self._board = StatusBoard(settings.camera, _STALE_AFTER_S, context.producer)
         self._capped = self._unreadable = 0
         self._router = True
         self._router_back_s = float("-inf")

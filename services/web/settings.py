@@ -42,17 +42,6 @@ class WebServiceSettings(ServiceSettings):
     )
     jpeg_quality: int = Field(80, ge=10, le=100, description="quality of coded pictures")
     max_viewers: int = Field(8, ge=1, le=64, description="viewers served at the same time")
-    tracks_deadline_s: float = Field(
-        0.4, ge=0, le=5, description="a picture waits so long for its tracks, then goes without"
-    )
-    held_images: int = Field(32, ge=1, le=256, description="pictures that wait for their tracks")
-    held_mb: float = Field(64.0, ge=8, le=1024, description="memory for waiting pictures, MB")
-    stale_after_s: float = Field(
-        1.0, ge=0.1, le=60, description="the page warns when no picture came for so long"
-    )
-    target_timeout_s: float = Field(
-        1.0, gt=0, le=1.5, description="longest wait for the follower's answer to a choice"
-    )
 
     @field_validator("host")
     @classmethod

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import textwrap
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from heel.schemas.errors import SettingsError
 from heel.services.capture.settings import CaptureSettings
 from heel.services.cli import app
 from heel.services.detector.settings import DetectorServiceSettings
+from heel.services.runtime import settings as runtime_settings
 from heel.services.runtime.settings import Loaded, ZenohSettings, load_settings
 from heel.services.tracker.settings import TrackerServiceSettings
 
@@ -116,6 +119,42 @@ def test_mistakes_in_the_file_are_named_with_a_remedy(
 ) -> None:
     said = complaint(write(tmp_path, text))
     assert all(word in said for word in words), said
+
+
+def test_the_example_of_the_module_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = runtime_settings.__doc__ or ""
+    example = textwrap.dedent("".join(re.findall(r"^    .*\n|^\n(?=    )", text, re.MULTILINE)))
+    file = write(tmp_path, example)
+    tables = tomllib.loads(example)
+    ((key, value),) = tables["tracker"].items()
+    loaded = load_settings("tracker", TrackerServiceSettings, {}, file)
+    assert getattr(loaded.service, key) == value != getattr(TrackerServiceSettings(), key)
+    names = re.findall(r"`(HEEL_\w+)`", text)
+    assert names == ["HEEL_ZENOH__CONNECT", f"HEEL_TRACKER__{key.upper()}"]
+    monkeypatch.setenv(names[1], "3")
+    assert getattr(load_settings("tracker", TrackerServiceSettings, {}, file).service, key) == 3
+
+
+@pytest.mark.parametrize("table", ["recorder", "run"])
+def test_a_table_that_no_service_reads_is_refused(
+    table: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert f"[{table}] is not a table of Heel's" in complaint(
+        write(tmp_path, f"[{table}]\nanything = 1\n")
+    )
+    name = f"HEEL_{table.upper()}__ANYTHING"
+    monkeypatch.setenv(name, "1")
+    assert f"environment variable {name}: {table} is not a table" in complaint()
+
+
+@pytest.mark.parametrize("table", ["DETECTOR", "ZENOH", "LOG"])
+def test_a_key_of_the_environment_that_nobody_reads_is_refused(
+    table: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(f"HEEL_{table}__NONSENSE", "1")
+    assert f"HEEL_{table}__NONSENSE: {table.lower()}.nonsense: unknown key" in complaint()
 
 
 def test_a_file_that_is_missing_or_not_text_is_named(tmp_path: Path) -> None:
@@ -221,7 +260,7 @@ def test_a_user_has_one_password(given: dict[str, object]) -> None:
     [
         ("[web]\nprot = 8000\n", r"web\.prot: unknown key; did you mean 'port'"),
         ("[drive]\nmax_linear = 1\n", r"drive\.max_linear: unknown key"),
-        ("[recorder]\nfoo = 1\n", r"\[recorder\]: nothing has settings of that name"),
+        ("[recorder]\nfoo = 1\n", r"\[recorder\] is not a table of Heel's"),
     ],
 )
 def test_unknown_keys_are_refused_in_the_tables_of_other_services_too(

@@ -119,3 +119,10 @@ def test_the_example_reads_tracks_until_the_stream_ends() -> None:
 
 def _word(member: object) -> str:
     return str(member).rpartition(".")[2]
+
+
+def test_the_window_of_a_lossless_run_is_the_codes() -> None:
+    frames = qos.LOSSLESS_WINDOW_FRAMES
+    assert f"of at least `seq - {frames}`" in _TEXT
+    overview = (DOCUMENT.parents[1] / "architecture.md").read_text(encoding="utf-8")
+    assert f"up to\n*n - {frames}*" in overview
