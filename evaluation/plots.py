@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import colorsys
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +16,7 @@ from heel.evaluation.figures import INK, new_figure, save, set_legend, set_title
 from heel.evaluation.retention import retention
 from heel.evaluation.timeline import ABSENT, MISSED, Timeline, timeline
 from heel.schemas.errors import HeelError
+from heel.services.colours import colour_of
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -158,10 +158,8 @@ def _timeline_legend(axes: Axes) -> None:
 
 
 def _colour(track: int) -> tuple[float, float, float]:
-    """A colour for a track; the golden ratio keeps tracks born one after the other apart."""
-    hue = (0.58 + track * 0.6180339887) % 1.0
-    lightness = (0.42, 0.62, 0.52)[track % 3]
-    return colorsys.hls_to_rgb(hue, lightness, 0.55)
+    """The colour of a track, darker for paper; tracks of like hues differ in lightness."""
+    return colour_of(track, lightness=(0.42, 0.62, 0.52)[track % 3], saturation=0.55)
 
 
 def _is_dark(colour: tuple[float, float, float]) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import colorsys
 from collections import OrderedDict, deque
 from pathlib import Path
 
@@ -12,17 +11,12 @@ from numpy.typing import NDArray
 
 from heel.schemas import HeelError, Track, Tracks
 from heel.services.capture.quiet import silence_decoders
+from heel.services.colours import UNSURE_BELOW, colour_of
 
 _TRAIL_FRAMES = 40
 _MAX_TRAILS = 256
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _WHITE = (255, 255, 255)
-
-
-def colour_of(track_id: int) -> tuple[int, int, int]:
-    """A BGR colour per id; neighbouring ids differ strongly (golden ratio of the hue circle)."""
-    red, green, blue = colorsys.hsv_to_rgb(track_id * 0.618034 % 1.0, 0.75, 1.0)
-    return int(blue * 255), int(green * 255), int(red * 255)
 
 
 class Annotator:
@@ -53,12 +47,12 @@ class Annotator:
             self._trails.popitem(last=False)
         trail.append((round((left + right) / 2), round(bottom)))
         points = np.array(trail, np.int32).reshape(-1, 1, 2)
-        cv2.polylines(canvas, [points], False, colour_of(track.id), 1, cv2.LINE_AA)
+        cv2.polylines(canvas, [points], False, _bgr(track.id), 1, cv2.LINE_AA)
 
 
 def _mark(canvas: NDArray[np.uint8], track: Track, is_target: bool) -> None:
     left, top, right, bottom = (round(value) for value in track.box_xyxy)
-    colour = colour_of(track.id)
+    colour = _bgr(track.id)
     if track.state == "tracked":
         cv2.rectangle(canvas, (left, top), (right, bottom), colour, 2)
     else:
@@ -70,9 +64,14 @@ def _mark(canvas: NDArray[np.uint8], track: Track, is_target: bool) -> None:
         label += " behind " + ",".join(map(str, track.occluded_by))
     elif track.state != "tracked":
         label += f" {track.state}"
-    if track.identity_confidence < 0.6:
+    if track.identity_confidence < UNSURE_BELOW:
         label += " ?"
     _text(canvas, label, (left, max(12, top - 5)), colour)
+
+
+def _bgr(track_id: int) -> tuple[int, int, int]:
+    red, green, blue = (round(255 * part) for part in colour_of(track_id))
+    return blue, green, red
 
 
 def _dashed(
