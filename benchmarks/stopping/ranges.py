@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
-from threading import Event, Thread
-from typing import Self
 
+from benchmarks.stopping.periodic import Periodic
 from heel.schemas import Ranges, RangeSector
 
 _RATE_HZ = 20.0
@@ -15,7 +13,7 @@ _SECTORS = 12
 _FREE_M = 10.0
 
 
-class RangeSensor:
+class RangeSensor(Periodic):
     """Publishes from a thread while `silent` is false. Use as a context manager.
 
     Args:
@@ -26,22 +24,14 @@ class RangeSensor:
     def __init__(
         self, publish: Callable[[Ranges], None], publish_spoilt: Callable[[Ranges], None]
     ) -> None:
+        super().__init__()
         self.silent = False
         self.spoilt = False
         self._publish_spoilt = publish_spoilt
         self._publish = publish
-        self._ending = Event()
-        self._thread = Thread(target=self._run, daemon=True)
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._ending.set()
-        self._thread.join(5.0)
-
-    def _run(self) -> None:
+    def run(self) -> None:
+        """As `Periodic.run`."""
         width_rad = 2.0 * math.pi / _SECTORS
         sectors = tuple(
             RangeSector(
@@ -50,9 +40,7 @@ class RangeSensor:
             )
             for number in range(_SECTORS)
         )  # fmt: skip
-        started_s, seq = time.monotonic(), 0
-        while not self._ending.wait(max(0.0, started_s + seq / _RATE_HZ - time.monotonic())):
-            seq += 1
+        for turn in self.turns(_RATE_HZ):
             if not self.silent:
                 publish = self._publish_spoilt if self.spoilt else self._publish
-                publish(Ranges(seq=seq, sectors=sectors))
+                publish(Ranges(seq=turn + 1, sectors=sectors))

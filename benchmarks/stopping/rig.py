@@ -36,6 +36,7 @@ from heel.schemas import (
     encode,
     keys,
 )
+from heel.services.run.children import start_python
 from heel.services.runtime.places import VARIABLE, robot_name
 from heel.services.runtime.process import PARENT_VARIABLE
 from heel.services.runtime.session import open_session
@@ -228,10 +229,7 @@ class Rig:
 
     def _start(self, name: str, module: str, *words: str) -> None:
         with (self._folder / f"{name}.log").open("ab") as log:
-            self._processes[name] = subprocess.Popen(
-                [sys.executable, "-m", module, *words], cwd=REPOSITORY, env=self._environment(),
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-            )  # fmt: skip
+            self._processes[name] = start_python(("-m", module, *words), log, self._environment())
 
     def start_viewer(self) -> None:
         """Start the page, on any free port."""

@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from threading import Event, Thread
-from typing import Self
 
 import zenoh
 
+from benchmarks.stopping.periodic import Periodic
 from heel.schemas import Stamp, Track, Tracks, encode, keys
 from heel.services.runtime import qos
 
@@ -26,7 +25,7 @@ _SWAY_PX, _SWAY_S = 15.0, 1.5
 """People sway; who does not move in the picture of a moving robot is a frozen picture."""
 
 
-class StandIn:
+class StandIn(Periodic):
     """Publishes tracks and frames from a thread. Use as a context manager.
 
     Args:
@@ -34,31 +33,21 @@ class StandIn:
     """
 
     def __init__(self, session: Callable[[], zenoh.Session]) -> None:
+        super().__init__()
         self._open = session
-        self._ending = Event()
-        self._thread = Thread(target=self._run, daemon=True)
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._ending.set()
-        self._thread.join(5.0)
-
-    def _run(self) -> None:
+    def run(self) -> None:
+        """As `Periodic.run`."""
         stamp = Stamp(producer="tracker/main@00000001", t_sent_ns=0, age_ns=20_000_000)
         attachment, pixels = encode(stamp), bytes(_FRAME_BYTES)
         with self._open() as session:
             tracks_out = _publisher(session, keys.tracks("front"), qos.TRACKS)
             frames_out = _publisher(session, keys.image("front"), qos.IMAGE)
-            started_s, seq = time.monotonic(), 0
-            while not self._ending.wait(max(0.0, started_s + seq / _TRACKS_HZ - time.monotonic())):
+            for seq in self.turns(_TRACKS_HZ):
                 tracks = _tracks(seq)
                 tracks_out.put(encode(tracks), encoding=tracks.encoding(), attachment=attachment)
                 if seq % _FRAME_EVERY == 0:
                     frames_out.put(pixels)
-                seq += 1
 
 
 def _publisher(session: zenoh.Session, key: str, how: qos.TopicQos) -> zenoh.Publisher:

@@ -18,7 +18,7 @@ import typer
 
 from heel.schemas.errors import HeelError, SettingsError
 from heel.services.commands.drawn_demo import play_scene, results_in
-from heel.services.commands.run import PARENT_EXIT_S
+from heel.services.commands.shared_options import PARENT_EXIT_S, Detector, Model, ModelClass
 from heel.services.run.folder import DEMO_PREFIX, ScratchFolder, sweep
 from heel.services.run.guard import guarded
 from heel.services.run.options import RunOptions
@@ -44,16 +44,9 @@ def demo(
         Literal["pixels", "simulated-boxes"],
         typer.Option(help="who sees the people: the detector, or the simulator itself"),
     ] = "pixels",
-    detector: Annotated[
-        str | None, typer.Option(help="how people are found in pixels: auto, mixture, ego, onnx")
-    ] = None,
-    model: Annotated[
-        Path | None, typer.Option(help="ONNX network that finds people", metavar="FILE")
-    ] = None,
-    model_class: Annotated[
-        int | None,
-        typer.Option(help="its class that is a person, where the file names none", metavar="N"),
-    ] = None,
+    detector: Detector = None,
+    model: Model = None,
+    model_class: ModelClass = None,
     scene: Annotated[
         bool, typer.Option("--scene", help="play the drawn scene of a standing camera instead")
     ] = False,

@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from heel.schemas.errors import HeelError
-from heel.services.commands.run import PARENT_EXIT_S
+from heel.services.commands.shared_options import PARENT_EXIT_S
 from heel.services.run.options import RunOptions
 
 

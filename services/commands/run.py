@@ -9,68 +9,51 @@ from typing import Annotated, Literal
 import typer
 
 from heel.schemas.errors import SettingsError
+from heel.services.commands.shared_options import PARENT_EXIT_S, Config, Detector, Model, ModelClass
 from heel.services.run.folder import STAGING_PREFIX, sweep
 from heel.services.run.guard import guarded
 from heel.services.run.options import RunOptions
 from heel.services.runtime.passwords import without_passwords
 
-PARENT_EXIT_S = 12.0
-"""Longest orderly end of a run: children get 2.5 s to end and 2 s to be killed."""
+_Source = Annotated[
+    str, typer.Argument(help="video file, image folder, camera or scene:NAME", metavar="SOURCE")
+]
+_Out = Annotated[Path, typer.Option(help="folder for the results", metavar="DIR")]
+_Lossless = Annotated[
+    bool | None,
+    typer.Option(
+        "--lossless/--live",
+        help="every frame, or the newest frame wins "
+        "[default: lossless for recordings, live for cameras]",
+    ),
+]
+_InProcess = Annotated[
+    bool, typer.Option("--in-process", help="the same cores in one process, for comparison")
+]
+_Preset = Annotated[Literal["default", "paper"], typer.Option(help="ours, or the paper as printed")]
+_Annotate = Annotated[bool, typer.Option("--annotate", help="write annotated.mp4 as well")]
+_Target = Annotated[Literal["nearest", "none"], typer.Option(help="whom the follower follows")]
+_Scale = Annotated[
+    float, typer.Option(help="factor for both sides of every frame", min=0.001, max=1.0)
+]
+_Fps = Annotated[
+    float | None, typer.Option(help="rate instead of the source's own", min=0.001, max=240.0)
+]
+_Loop = Annotated[bool, typer.Option("--loop", help="play a recording again and again")]
+_Frames = Annotated[int | None, typer.Option(help="end after so many frames", min=1)]
+_Seconds = Annotated[float | None, typer.Option(help="end after so many seconds", min=0.0)]
+_Web = Annotated[
+    int | None, typer.Option(help="serve the live page on this loopback port", metavar="PORT")
+]
 
 
 def run(
-    source: Annotated[
-        str, typer.Argument(help="video file, image folder, camera or scene:NAME", metavar="SOURCE")
-    ],
-    out: Annotated[Path, typer.Option(help="folder for the results", metavar="DIR")],
-    lossless: Annotated[
-        bool | None,
-        typer.Option(
-            "--lossless/--live",
-            help="every frame, or the newest frame wins "
-            "[default: lossless for recordings, live for cameras]",
-        ),
-    ] = None,
-    in_process: Annotated[
-        bool, typer.Option("--in-process", help="the same cores in one process, for comparison")
-    ] = False,
-    preset: Annotated[
-        Literal["default", "paper"], typer.Option(help="ours, or the paper as printed")
-    ] = "default",
-    detector: Annotated[
-        str | None, typer.Option(help="how people are found: auto, mixture, ego, onnx, ...")
-    ] = None,
-    model: Annotated[
-        Path | None, typer.Option(help="ONNX network that finds people", metavar="FILE")
-    ] = None,
-    model_class: Annotated[
-        int | None,
-        typer.Option(help="its class that is a person, where the file names none", metavar="N"),
-    ] = None,
-    annotate: Annotated[
-        bool, typer.Option("--annotate", help="write annotated.mp4 as well")
-    ] = False,
-    target: Annotated[
-        Literal["nearest", "none"], typer.Option(help="whom the follower follows")
-    ] = "nearest",
-    scale: Annotated[
-        float, typer.Option(help="factor for both sides of every frame", min=0.001, max=1.0)
-    ] = 1.0,
-    fps: Annotated[
-        float | None, typer.Option(help="rate instead of the source's own", min=0.001, max=240.0)
-    ] = None,
-    loop: Annotated[bool, typer.Option("--loop", help="play a recording again and again")] = False,
-    frames: Annotated[int | None, typer.Option(help="end after so many frames", min=1)] = None,
-    seconds: Annotated[
-        float | None, typer.Option(help="end after so many seconds", min=0.0)
-    ] = None,
-    web: Annotated[
-        int | None, typer.Option(help="serve the live page on this loopback port", metavar="PORT")
-    ] = None,
-    config: Annotated[
-        Path | None, typer.Option(help="settings file (TOML) for every service", metavar="FILE")
-    ] = None,
-) -> None:
+    source: _Source, out: _Out, lossless: _Lossless = None, in_process: _InProcess = False,
+    preset: _Preset = "default", detector: Detector = None, model: Model = None,
+    model_class: ModelClass = None, annotate: _Annotate = False, target: _Target = "nearest",
+    scale: _Scale = 1.0, fps: _Fps = None, loop: _Loop = False, frames: _Frames = None,
+    seconds: _Seconds = None, web: _Web = None, config: Config = None,
+) -> None:  # fmt: skip
     """Run SOURCE through the real processes; write tracks.txt, commands.csv and summary.json."""
     live_source = is_camera(source)
     if lossless is None:

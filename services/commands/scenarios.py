@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from heel.schemas.errors import SettingsError
+from heel.services.commands.shared_options import PARENT_EXIT_S, Config, Detector, Model, ModelClass
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -38,16 +39,6 @@ _Boxes = Annotated[
         help="the simulator's own person boxes with realistic errors, which is never the full "
         "stack; or rendered pictures and the detector",
     ),
-]
-_Detector = Annotated[
-    str | None, typer.Option(help="--pixels: how people are found: auto, mixture, ego, onnx")
-]
-_Model = Annotated[
-    Path | None, typer.Option(help="--pixels: ONNX network that finds people", metavar="FILE")
-]
-_ModelClass = Annotated[
-    int | None,
-    typer.Option(help="its class that is a person, where the file names none", metavar="N"),
 ]
 _Postures = Annotated[
     bool,
@@ -80,14 +71,13 @@ _Out = Annotated[
 _Video = Annotated[
     bool, typer.Option("--video", help="also what the robot sees, as DIR/*.mp4; renders")
 ]
-_Config = Annotated[Path | None, typer.Option(help="settings file (TOML)", metavar="FILE")]
 
 
 def scenarios(
     episodes: _Episodes = 42, seed: _Seed = 0, jobs: _Jobs = None, scenario: _Scenario = None,
-    boxes: _Boxes = True, detector: _Detector = None, model: _Model = None,
-    model_class: _ModelClass = None, processes: _Processes = False, as_json: _Json = False,
-    out: _Out = None, video: _Video = False, config: _Config = None, postures: _Postures = False,
+    boxes: _Boxes = True, detector: Detector = None, model: Model = None,
+    model_class: ModelClass = None, processes: _Processes = False, as_json: _Json = False,
+    out: _Out = None, video: _Video = False, config: Config = None, postures: _Postures = False,
     ranges: _Ranges = True, calibrated: _Calibrated = True,
 ) -> None:  # fmt: skip
     """Follow people through simulated scenarios, and score it."""
@@ -146,7 +136,6 @@ def _run_cores(
 def _run_processes(
     tasks: list[EpisodeTask], seed: int, config: Path | None, as_json: bool, out: Path | None
 ) -> None:
-    from heel.services.commands.run import PARENT_EXIT_S
     from heel.services.loops.scenarios.episode import load_stack
     from heel.services.loops.scenarios.report import make_report
     from heel.services.run.scenario import run_in_processes

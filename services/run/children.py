@@ -7,9 +7,10 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from heel.schemas import HeelError, SettingsError
 from heel.services.runtime.process import PARENT_VARIABLE
@@ -32,6 +33,23 @@ class Child:
     def over(self) -> bool:
         """Whether it has ended, well or badly."""
         return self.process.poll() is not None
+
+
+def start_python(
+    words: Sequence[str], log: IO[bytes], environment: Mapping[str, str]
+) -> subprocess.Popen[bytes]:
+    """Start Python as a child that a service of Heel knows for its parent, and ends with.
+
+    Args:
+        words: what stands behind `python -P` on its command line.
+        log: gets all that it writes.
+        environment: what it inherits.
+    """
+    # -P: a `heel.py` in the folder that the user happens to be in is somebody else's.
+    return subprocess.Popen(
+        [sys.executable, "-P", *words], stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+        env={**environment, PARENT_VARIABLE: str(os.getpid())}, start_new_session=True,
+    )  # fmt: skip
 
 
 class Children:
@@ -60,16 +78,9 @@ class Children:
 
     def start(self, service: str, *flags: str) -> Child:
         """Start `python -m heel.services.SERVICE FLAGS`, logging into its own file."""
-        environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
-        with self._log(service).open("wb") as stream:
-            # -P: a `heel.py` in the folder that the user happens to be in is somebody else's.
-            module = f"heel.services.{service}"
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-m", module, "--log-format", "json", *flags],
-                stdin=subprocess.DEVNULL, stdout=stream, stderr=stream, env=environment,
-                start_new_session=True,
-            )  # fmt: skip
-        child = Child(service, process)
+        words = ("-m", f"heel.services.{service}", "--log-format", "json", *flags)
+        with self._log(service).open("wb") as log:
+            child = Child(service, start_python(words, log, os.environ))
         self._children.append(child)
         return child
 

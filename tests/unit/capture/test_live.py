@@ -294,7 +294,7 @@ def test_a_camera_that_never_gives_a_picture_is_refused_in_time() -> None:
 def test_an_http_camera_delivers_frames_with_size_and_rate(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    with MjpegServer() as server, open_stream(server.address, open_timeout_s=PATIENCE_S) as source:
+    with MjpegServer() as server, open_stream(server.video, open_timeout_s=PATIENCE_S) as source:
         frames = [source.read(PATIENCE_S) for _ in range(5)]
         assert source.is_live
         assert (source.width, source.height) == (64, 48)
@@ -311,7 +311,7 @@ def test_an_http_camera_that_fails_and_returns_is_followed(
 ) -> None:
     warnings: list[str] = []
     with MjpegServer() as server:
-        with open_stream(server.address, 0.5, warnings.append, PATIENCE_S) as source:
+        with open_stream(server.video, 0.5, warnings.append, PATIENCE_S) as source:
             source.read(PATIENCE_S)
             server.behaviour = "stall" if fault == "stall" else "hang up"
             wait_until(lambda: source.status.state == "reconnecting")

@@ -1,0 +1,26 @@
+"""Options that several commands have, and how long their processes take to end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+PARENT_EXIT_S = 12.0
+"""Longest orderly end of a run: children get 2.5 s to end and 2 s to be killed."""
+
+Detector = Annotated[
+    str | None,
+    typer.Option(help="how people are found in pixels: auto, mixture, ego, onnx, ..."),
+]
+Model = Annotated[
+    Path | None, typer.Option(help="ONNX network that finds people in pixels", metavar="FILE")
+]
+ModelClass = Annotated[
+    int | None,
+    typer.Option(help="its class that is a person, where the file names none", metavar="N"),
+]
+Config = Annotated[
+    Path | None, typer.Option(help="settings file (TOML) for every service", metavar="FILE")
+]
