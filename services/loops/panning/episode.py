@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.schemas import CameraInfo, FrameId, TargetRequest, Tracks
+from heel.schemas import CameraInfo, DriveState, FrameId, TargetRequest, Tracks
 from heel.services.capture.pan_window import PanSettings, PanWindow
 from heel.services.capture.steering import Steering
 from heel.services.drive.core import Drive
@@ -16,17 +15,13 @@ from heel.services.drive.settings import DriveSettings
 from heel.services.follower.choosing import at_point
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
+from heel.services.loops.control import CONTROL_NS, Body, Control
 from heel.services.loops.panning.perception import Perception
 from heel.services.loops.panning.truth import InWindow, People, in_window, overlap
 
-CONTROL_S = 0.02
-"""Follower and drive both run at 50 Hz, as their processes do."""
-TRACKS_AGE_S = 0.06
-"""From a picture to the follower's having its tracks."""
 LEAST_INSIDE = 0.5
 LEAST_OVERLAP = 0.5
 _STREAM = "front"
-_TRACKER, _FOLLOWER = "tracker/main@00000000", "follower/main@00000000"
 
 
 @dataclass
@@ -80,11 +75,9 @@ class Episode:
         self._steering = Steering(self._window)
         self._perception = perception
         self._follower = Follower(FollowerSettings(max_linear_mps=0.0))
-        self._drive = Drive(DriveSettings())
-        self._seq = self._ticks = 0
-        self._start_s: float | None = None
-        self._coming: deque[tuple[float, Tracks, InWindow]] = deque()
-        self._tracks_s: float | None = None
+        self._control = Control(self._follower, Drive(DriveSettings()), self._look)
+        self._seq = self._rounds = 0
+        self._now_ns: int | None = None
         self.outcome = Outcome(person)
 
     def frame(self, index: int, t_s: float, image: NDArray[np.uint8], people: People) -> None:
@@ -96,37 +89,30 @@ class Episode:
             image: (H, W, 3) uint8 BGR, the whole picture.
             people: everybody in it.
         """
-        if self._start_s is None:
-            self._start_s = t_s
+        t_ns = round(t_s * 1e9)
+        if self._now_ns is None:
+            self._now_ns = t_ns
             self._follower.set_camera(self._camera())
-        while self._start_s + self._ticks * CONTROL_S < t_s:
-            self._control(self._start_s + self._ticks * CONTROL_S)
-            self._ticks += 1
+        while self._now_ns < t_ns:
+            self._control.round(self._now_ns, self._move)
+            self._steering.hear_target(self._follower.target.track_id)
+            self._now_ns += CONTROL_NS
+            self._rounds += 1
         self._steering.advance(t_s)
         window = self._window.view(image, index)
         size = (self._window.width, self._window.height)
         truth = in_window(people, self._size, self._window.offset_px, size)
-        frame = FrameId(
-            stream=_STREAM, epoch=1, seq=self._seq, index=index, t_capture_ns=round(t_s * 1e9)
-        )
+        frame = FrameId(stream=_STREAM, epoch=1, seq=self._seq, index=index, t_capture_ns=t_ns)
         self._seq += 1
         tracks = self._perception.see(frame, window, self._window.offset_px, truth)
         self._judge(index, tracks, truth)
-        self._coming.append((t_s, tracks, truth))
+        self._control.show(t_ns, tracks, truth)
 
-    def _control(self, now_s: float) -> None:
-        told = self._drive.step(now_s)
-        self._steering.hear_drive(told.angular_radps, now_s)
-        self._follower.observe_odometry(self._steering.odometry(self._ticks), now_s)
-        while self._coming and now_s >= self._coming[0][0] + TRACKS_AGE_S:
-            self._observe(*self._coming.popleft())
-        age_s = None if self._tracks_s is None else now_s - self._tracks_s
-        self._drive.take(self._follower.step(now_s, age_s), _FOLLOWER, now_s)
-        self._steering.hear_target(self._follower.target.track_id)
+    def _move(self, told: DriveState) -> Body:
+        self._steering.hear_drive(told.angular_radps, (self._now_ns or 0) / 1e9)
+        return Body(self._steering.odometry(self._rounds))
 
-    def _observe(self, t_s: float, tracks: Tracks, truth: InWindow) -> None:
-        self._tracks_s = t_s
-        self._follower.observe(tracks, _TRACKER)
+    def _look(self, tracks: Tracks, truth: InWindow) -> None:
         if self._follower.target.track_id is None:
             self._point(tracks, truth)
         self._steering.hear_tracks(tracks)

@@ -22,7 +22,8 @@ from heel.services.drive.core import Drive
 from heel.services.drive.settings import DriveSettings
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
-from heel.services.loops.scenarios.loop import TRACKS_AGE_MS, ClosedLoop
+from heel.services.loops.control import CONTROL_NS, TRACKS_AGE_NS
+from heel.services.loops.scenarios.loop import ClosedLoop
 from heel.services.loops.scenarios.perception import SimulatedBoxes
 from heel.services.simulator.scenarios import scenario
 from heel.services.simulator.state import CameraMount
@@ -133,7 +134,7 @@ def test_tracks_come_late_and_go_stale_while_the_camera_drops_out() -> None:
     ClosedLoop(world, MOUNT, TrueSight(world), follower, Drive(DriveSettings())).run()
 
     from_s, until_s = world.scenario.dropouts[0]
-    newest_s = (TRACKS_AGE_MS - 20) / 1000
+    newest_s = (TRACKS_AGE_NS - CONTROL_NS) / 1e9
     assert min(follower.ages_s) >= newest_s
     assert np.median(follower.ages_s) < 0.12
     assert max(follower.ages_s) >= until_s - from_s
