@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from heel.evaluation.rows import BoxRows
-from heel.services.tracker.given_boxes.geometry import iou
+from heel.services.geometry.boxes import iou_matrix
 
 _LEAST_IOU = 0.5
 _FIRST_FRAMES = 5
@@ -31,7 +31,7 @@ def claims_of(truth: BoxRows, tracks: BoxRows) -> list[Claim]:
     for frame in np.unique(tracks.frames):
         people = truth.select(truth.frames == frame)
         shown = tracks.select(tracks.frames == frame)
-        overlap = iou(people.boxes_xyxy, shown.boxes_xyxy)
+        overlap = iou_matrix(people.boxes_xyxy, shown.boxes_xyxy)
         rows, columns = linear_sum_assignment(overlap, maximize=True)
         for i, j in zip(rows, columns, strict=True):
             if overlap[i, j] < _LEAST_IOU:

@@ -25,10 +25,10 @@ from scipy.optimize import linear_sum_assignment
 
 from benchmarks.common import publish, recordings
 from benchmarks.people_features import FEATURES, Vectors, vectors_of
-from heel.evaluation.alignment import iou_matrix
 from heel.evaluation.motchallenge import ground_truth_file, read_ground_truth
 from heel.services.capture.sources import open_source
 from heel.services.detector.settings import DetectorSettings
+from heel.services.geometry.boxes import iou_matrix
 from heel.services.pipeline import InProcessPipeline, RecordedFrames
 from heel.services.runtime.command_line import run_app
 from heel.services.tracker.settings import TrackerSettings

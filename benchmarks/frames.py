@@ -18,10 +18,10 @@ import typer
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from heel.evaluation.alignment import iou_matrix
 from heel.schemas import Tracks
 from heel.schemas.errors import HeelError
 from heel.services.drawing import Annotator
+from heel.services.geometry.boxes import iou_matrix
 from heel.services.pipeline import RecordedFrames, load_pipeline, scene_truth
 from heel.services.runtime.command_line import run_app
 

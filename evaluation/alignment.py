@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from heel.evaluation.rows import BoxRows
 from heel.schemas.errors import HeelError
+from heel.services.geometry.boxes import iou_matrix
 
 FlagRule = Literal["mot15", "ignore", "all"]
 """What ground-truth rows with flag 0 mean.
@@ -118,22 +119,6 @@ def check_iou_threshold(iou_threshold: float) -> None:
     """
     if not 0.0 < iou_threshold <= 1.0:
         raise HeelError(f"iou_threshold = {iou_threshold!r}; it must lie in (0, 1], usually 0.5")
-
-
-def iou_matrix(a_xyxy: NDArray[np.float64], b_xyxy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Intersection over union of every box in ``(A, 4)`` with every box in ``(B, 4)``.
-
-    Returns:
-        ``(A, B)`` float64 from 0 to 1; 0 for a pair of boxes without area, as clipping leaves them.
-    """
-    low = np.maximum(a_xyxy[:, None, :2], b_xyxy[None, :, :2])
-    high = np.minimum(a_xyxy[:, None, 2:], b_xyxy[None, :, 2:])
-    intersection: NDArray[np.float64] = np.prod(np.maximum(high - low, 0.0), axis=2)
-    area_a, area_b = (np.prod(box[:, 2:] - box[:, :2], axis=1) for box in (a_xyxy, b_xyxy))
-    union = area_a[:, None] + area_b[None, :] - intersection
-    iou: NDArray[np.float64] = np.zeros_like(union)
-    np.divide(intersection, union, out=iou, where=union > 0.0)
-    return iou
 
 
 def best_pairs(

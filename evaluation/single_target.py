@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.evaluation.alignment import check_iou_threshold, iou_matrix
+from heel.evaluation.alignment import check_iou_threshold
 from heel.evaluation.rows import BoxRows
 from heel.schemas.errors import HeelError
+from heel.services.geometry.boxes import iou, iou_matrix
 
 ELSEWHERE_IOU = 0.2
 """A box that overlaps the target less than this is on something else, most often somebody else."""
@@ -98,9 +99,8 @@ def _chosen(gt: BoxRows, tracks: BoxRows, iou_threshold: float) -> int | None:
 
 def _overlaps(a_xyxy: NDArray[np.float64], b_xyxy: NDArray[np.float64]) -> NDArray[np.float64]:
     """IoU of every row with the same row."""
-    return np.array(
-        [iou_matrix(a[None], b[None])[0, 0] for a, b in zip(a_xyxy, b_xyxy, strict=True)]
-    )
+    rows = zip(a_xyxy.tolist(), b_xyxy.tolist(), strict=True)
+    return np.array([iou(box, other) for box, other in rows])
 
 
 def _centres(boxes_xyxy: NDArray[np.float64]) -> NDArray[np.float64]:

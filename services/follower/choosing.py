@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable
 
 from heel.schemas import Track, Tracks
-from heel.schemas.base import BoxXyxy
 from heel.services.follower.people import Person
+from heel.services.geometry.boxes import cover_of_smaller
 
 _TWO_PEOPLE = 0.5
 """Share of the smaller of two boxes that the other covers, from which a click can mean either."""
@@ -50,17 +50,9 @@ def companion(chosen: Track, tracks: Tracks) -> Track | None:
         if other.id == chosen.id or other.state not in ("tracked", "occluded"):
             continue
         behind = other.id in chosen.occluded_by or chosen.id in other.occluded_by
-        if behind or _shared(chosen.box_xyxy, other.box_xyxy) >= _TWO_PEOPLE:
+        if behind or cover_of_smaller(chosen.box_xyxy, other.box_xyxy) >= _TWO_PEOPLE:
             return other
     return None
-
-
-def _shared(a: BoxXyxy, b: BoxXyxy) -> float:
-    """What two boxes have in common, as a share of the smaller one."""
-    across = min(a[2], b[2]) - max(a[0], b[0])
-    down = min(a[3], b[3]) - max(a[1], b[1])
-    smaller = min((a[2] - a[0]) * (a[3] - a[1]), (b[2] - b[0]) * (b[3] - b[1]))
-    return max(0.0, across) * max(0.0, down) / smaller if smaller > 0 else 0.0
 
 
 class Imprinting:

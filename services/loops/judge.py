@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
-from numpy.typing import NDArray
-
-from heel.evaluation.alignment import best_pairs, iou_matrix
+from heel.evaluation.alignment import best_pairs
 from heel.schemas import FollowState, SimTruth, Tracks
+from heel.services.geometry.boxes import as_array, clipped, iou_matrix
 
 _LEAST_IOU = 0.3
 """Of a track with the person that it is on; chosen by hand, below the 0.5 of the scores of boxes: a
@@ -33,8 +29,9 @@ def people_by_track(truth: SimTruth, tracks: Tracks) -> dict[int, int]:
         if person.box_xyxy is not None and (person.visible > 0 or person.role == "target")
     ]
     size = (tracks.width, tracks.height)
-    people = _clipped([truth.people[index].box_xyxy or (0, 0, 0, 0) for index in present], size)
-    overlaps = iou_matrix(_clipped([track.box_xyxy for track in tracks.tracks], size), people)
+    people = as_array(truth.people[index].box_xyxy or (0, 0, 0, 0) for index in present)
+    shown = as_array(track.box_xyxy for track in tracks.tracks)
+    overlaps = iou_matrix(clipped(shown, size), clipped(people, size))
     rows, columns = best_pairs(overlaps, _LEAST_IOU)
     return {
         tracks.tracks[row].id: present[column]
@@ -51,11 +48,3 @@ def acted_upon(state: FollowState, people: dict[int, int]) -> int | None:
     """
     track_id = state.target.track_id
     return None if track_id is None or state.state not in _ACTING else people.get(track_id)
-
-
-def _clipped(
-    boxes: Sequence[tuple[float, float, float, float]], size: tuple[int, int]
-) -> NDArray[np.float64]:
-    """(N, 4) the parts of boxes within the picture; empty boxes where nothing is."""
-    limits = np.array([*size, *size], np.float64)
-    return np.clip(np.array(boxes, np.float64).reshape(-1, 4), 0.0, limits)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas import Blob, Blobs, FrameId, Patch
+from heel.services.geometry.boxes import iou
 from heel.services.simulator.ego_motion import EgoMotion
 from heel.services.simulator.errors import SimulatorError
 from heel.services.simulator.exposure import Exposure
@@ -198,20 +199,11 @@ def _seen_extent(sight: Sight) -> Array:
 def _suppress(found: NDArray[np.intp], boxes: Array, depth_m: Array) -> NDArray[np.intp]:
     """Of two boxes that all but coincide detectors report one: the nearer person's."""
     kept: list[int] = []
+    box = boxes.tolist()
     for index in found[np.argsort(depth_m[found])].tolist():
-        if all(_overlap(boxes[index], boxes[other]) < 0.65 for other in kept):
+        if all(iou(box[index], box[other]) < 0.65 for other in kept):
             kept.append(index)
     return np.array(kept, np.intp)
-
-
-def _overlap(first: Array, second: Array) -> float:
-    """Intersection over union of two boxes (4,)."""
-    (a0, b0, a1, b1), (c0, d0, c1, d1) = first.tolist(), second.tolist()
-    width, height = min(a1, c1) - max(a0, c0), min(b1, d1) - max(b0, d0)
-    if width <= 0 or height <= 0:
-        return 0.0
-    shared = width * height
-    return float(shared / ((a1 - a0) * (b1 - b0) + (c1 - c0) * (d1 - d0) - shared))
 
 
 def _ramp(value: Array, least: float, most: float) -> Array:

@@ -15,7 +15,8 @@ import pytest
 import zenoh
 
 from heel.schemas import EndOfStream, Target, TargetRequest, Tracks, decode, encode, keys
-from heel.services.loops.panning.truth import People, in_window, overlap, read_people
+from heel.services.geometry.boxes import iou_matrix
+from heel.services.loops.panning.truth import People, in_window, read_people
 from tests.support import network
 from tests.support.network import wait_until
 from tests.support.processes import Running, running
@@ -109,4 +110,4 @@ def _kept(tracks: Tracks, target: int, offset: tuple[float, float]) -> bool:
     boxes = [track.box_xyxy for track in tracks.tracks if track.id == target]
     if truth.inside[mine][0] < 0.5 or not boxes:
         return False
-    return bool(overlap(np.array(boxes[0]), truth.boxes_xyxy[mine])[0] >= 0.5)
+    return bool(iou_matrix(np.array(boxes[:1]), truth.boxes_xyxy[mine])[0, 0] >= 0.5)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from heel.schemas.base import BoxXyxy
 from heel.services.detector.camera_motion import Affine, moved_box
-from heel.services.detector.neural.overlap import iou
 from heel.services.detector.neural.patch_flow import followed, grey_look, likeness
+from heel.services.geometry.boxes import iou_matrix
 
 _SAME_IOU = 0.3
 """From this overlap on two boxes are of the same person."""
@@ -99,7 +99,7 @@ class Between:
 def _among(box: BoxXyxy, others: Sequence[BoxXyxy]) -> bool:
     if not others:
         return False
-    return bool(iou(np.array([box]), np.array(others)).max() >= _SAME_IOU)
+    return bool(iou_matrix(np.array([box]), np.array(others)).max() >= _SAME_IOU)
 
 
 def _inside(box: BoxXyxy, image: NDArray[np.uint8]) -> bool:

@@ -13,7 +13,7 @@ from heel.services.detector.camera_motion import Affine, compose, moved_box
 from heel.services.detector.free_mask import shift_s
 from heel.services.detector.neural.attention import Expected
 from heel.services.detector.neural.between import Seen
-from heel.services.detector.neural.overlap import iou
+from heel.services.geometry.boxes import iou_matrix
 
 _SAME_IOU = 0.3
 _REMEMBERED_FRAMES = 64
@@ -59,6 +59,6 @@ def newcomers(before: Sequence[Seen], known: Sequence[Expected], step: Affine) -
     boxes: list[BoxXyxy] = [moved_box(person.box_xyxy, step) for person in before]
     if not boxes or not known:
         return [Expected(box, None) for box in boxes]
-    overlap = iou(np.array(boxes), np.array([person.box_xyxy for person in known]))
+    overlap = iou_matrix(np.array(boxes), np.array([person.box_xyxy for person in known]))
     free = overlap.max(axis=1) < _SAME_IOU
     return [Expected(box, None) for box, new in zip(boxes, free.tolist(), strict=True) if new]

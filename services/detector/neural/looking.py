@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.services.detector.neural.model import Detections, PersonModel, without_doubles
-from heel.services.detector.neural.overlap import area, intersection, iou
 from heel.services.detector.neural.views import View, Views
+from heel.services.geometry.boxes import cover_matrix, iou_matrix
 
 _EDGE_SHARE = 0.01
 """Boxes nearer to the edge of a view than this share of its height are cut off by it."""
@@ -48,11 +48,11 @@ def together(whole: Detections, close: Detections, part: View) -> Detections:
     """
     if len(whole.boxes) and len(close.boxes):
         beyond = np.array([not part.holds((a, b, c, d)) for a, b, c, d in whole.boxes.tolist()])
-        inside = intersection(close.boxes, whole.boxes[beyond]) / area(close.boxes)[:, None]
+        inside = cover_matrix(close.boxes, whole.boxes[beyond])
         kept = ~(inside >= _FRAGMENT).any(axis=1)
         close = Detections(close.boxes[kept], close.scores[kept])
     if len(whole.boxes) and len(close.boxes):
-        same = iou(whole.boxes, close.boxes) >= _SAME_IOU
+        same = iou_matrix(whole.boxes, close.boxes) >= _SAME_IOU
         best = np.where(same, whole.scores[:, None], 0.0).max(axis=0)
         close = Detections(close.boxes, np.maximum(close.scores, best).astype(np.float32))
         whole = Detections(whole.boxes[~same.any(axis=1)], whole.scores[~same.any(axis=1)])

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.services.detector.neural.heads import Floats
+from heel.services.geometry.boxes import clipped
 
 PAD_GREY = 114
 _GAP_PX = 8
@@ -88,7 +89,7 @@ class Sheet:
 
     def _clipped(self, boxes: Floats) -> Floats:
         columns, rows = self._picture
-        return np.clip(boxes, 0.0, np.array([columns, rows, columns, rows], np.float32))
+        return clipped(boxes, (columns, rows))
 
     def _placed(self, left: int, top: int, width: int, height: int) -> _Place:
         """As large as fits into this room."""

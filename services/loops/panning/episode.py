@@ -15,9 +15,10 @@ from heel.services.drive.settings import DriveSettings
 from heel.services.follower.choosing import at_point
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
+from heel.services.geometry.boxes import clipped, iou, iou_matrix
 from heel.services.loops.control import CONTROL_NS, Body, Control
 from heel.services.loops.panning.perception import Perception
-from heel.services.loops.panning.truth import InWindow, People, in_window, overlap
+from heel.services.loops.panning.truth import InWindow, People, in_window
 
 LEAST_INSIDE = 0.5
 LEAST_OVERLAP = 0.5
@@ -124,7 +125,7 @@ class Episode:
             return
         x, y = float(box[0] + box[2]) / 2, float(box[1] + box[3]) / 2
         hit = at_point(tracks, x, y)
-        if hit is not None and overlap(box, np.array([hit.box_xyxy]))[0] >= LEAST_OVERLAP:
+        if hit is not None and iou(box.tolist(), hit.box_xyxy) >= LEAST_OVERLAP:
             self._follower.choose(TargetRequest(mode="point", x_px=x, y_px=y))
 
     def _judge(self, index: int, tracks: Tracks, truth: InWindow) -> None:
@@ -165,7 +166,7 @@ def _on_whom(tracks: Tracks, target: int, truth: InWindow) -> int | None:
     track = next((track for track in tracks.tracks if track.id == target), None)
     if track is None or not track.shown or not len(truth.identities):
         return None
-    size = np.array([tracks.width, tracks.height] * 2, np.float64)
-    shares = overlap(np.clip(np.array(track.box_xyxy), 0.0, size), truth.boxes_xyxy)
+    box = clipped(np.array([track.box_xyxy]), (tracks.width, tracks.height))
+    shares = iou_matrix(box, truth.boxes_xyxy)[0]
     best = int(np.argmax(shares))
     return int(truth.identities[best]) if shares[best] >= LEAST_OVERLAP else None

@@ -19,12 +19,12 @@ from heel.evaluation.rows import BoxRows, rows_from_xyxy
 from heel.schemas import FrameId, Tracks
 from heel.services.capture.pan_window import PanSettings, PanWindow
 from heel.services.capture.sources import open_source
+from heel.services.geometry.boxes import as_array, clipped
 from heel.services.loops.panning.perception import Perception
 from heel.services.loops.panning.truth import (
     NOBODY,
     InWindow,
     People,
-    clipped,
     in_window,
     read_people,
 )
@@ -183,8 +183,7 @@ def counted(seen: InWindow) -> tuple[list[int], NDArray[np.float64]]:
 def boxes_shown(tracks: Tracks, window: Size) -> tuple[list[int], NDArray[np.float64]]:
     """Identities and boxes of the people shown, cut at the window's border."""
     shown = [track for track in tracks.tracks if track.shown]
-    boxes = np.array([track.box_xyxy for track in shown], np.float64).reshape(-1, 4)
-    boxes = clipped(boxes, (0.0, 0.0), window)
+    boxes = clipped(as_array(track.box_xyxy for track in shown), window)
     kept = _sides(boxes) >= _LEAST_PX
     return [track.id for track, keep in zip(shown, kept, strict=True) if keep], boxes[kept]
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.evaluation.motchallenge import ground_truth_file, read_ground_truth
+from heel.services.geometry.boxes import areas, clipped
 
 Boxes = NDArray[np.float64]
 
@@ -74,26 +75,7 @@ def in_window(
         offset_px: (left, top) of the window in the recording.
         window_size: (width, height).
     """
-    shown = clipped(people.boxes_xyxy, (0.0, 0.0), recording_size)
-    cut = clipped(shown, offset_px, window_size)
-    inside = area(cut) / np.maximum(area(shown), 1e-9)
+    shown = clipped(people.boxes_xyxy, recording_size)
+    cut = clipped(shown - np.array([*offset_px, *offset_px]), window_size)
+    inside = areas(cut) / np.maximum(areas(shown), 1e-9)
     return InWindow(people.identities, cut, np.asarray(inside))
-
-
-def clipped(boxes: Boxes, offset_px: tuple[float, float], size: tuple[int, int]) -> Boxes:
-    """Boxes (N, 4) moved by minus the offset and cut at 0 and `size`."""
-    moved = boxes - np.array([*offset_px, *offset_px])
-    return np.asarray(np.clip(moved, 0.0, np.array([*size, *size], np.float64)))
-
-
-def area(boxes: Boxes) -> Boxes:
-    """Areas (N,) of boxes (N, 4)."""
-    return np.asarray((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
-
-
-def overlap(box: Boxes, boxes: Boxes) -> Boxes:
-    """Intersection over union (N,) of one box (4,) with boxes (N, 4)."""
-    low, high = np.maximum(box[:2], boxes[:, :2]), np.minimum(box[2:], boxes[:, 2:])
-    shared = np.prod(np.maximum(high - low, 0.0), axis=1)
-    union = area(box[None]) + area(boxes) - shared
-    return np.asarray(shared / np.maximum(union, 1e-9))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from heel.schemas.base import BoxXyxy
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 
 
 def assign(predicted: Sequence[BoxXyxy], seen: Sequence[BoxXyxy]) -> dict[int, int]:

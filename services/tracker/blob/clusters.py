@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heel.schemas.base import BoxXyxy
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 from heel.services.tracker.blob.lifecycle import Person
 from heel.services.tracker.blob.settings import BlobSettings
 from heel.services.tracker.blob.sighting import Sighting

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas.base import BoxXyxy, Point
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 from heel.services.tracker.blob.settings import BlobSettings
 
 MIN_SIDE_PX = 1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from heel.schemas.base import BoxXyxy
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 from heel.services.tracker.blob.features import Features
 from heel.services.tracker.blob.kalman import BoxFilter
 from heel.services.tracker.blob.settings import BlobSettings

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from heel.schemas.base import BoxXyxy
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 
 Occlusion = Literal["none", "self", "inter_object"]
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from heel.schemas import Track
 from heel.schemas.tracks import TrackState
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 from heel.services.tracker.blob.clusters import Cluster
 from heel.services.tracker.blob.lifecycle import Person
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from heel.schemas import Blobs
 from heel.schemas.base import BoxXyxy
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 from heel.services.tracker.blob.clusters import Cluster, slots_of
 from heel.services.tracker.blob.features import extract
 from heel.services.tracker.blob.identity import Retention, cost_matrix, retain

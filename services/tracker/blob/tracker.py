@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from heel.schemas import Blobs, Track
 from heel.schemas.base import BoxXyxy
 from heel.schemas.tracks import MAX_TRACKS
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 from heel.services.tracker.blob.assignment import assign
 from heel.services.tracker.blob.clusters import Cluster, hiding_blob, parts_of
 from heel.services.tracker.blob.features import extract

@@ -25,14 +25,3 @@ def carried(foot: Foot, affine: Floats) -> Foot:
     """A point moved by (2, 3) `affine`."""
     x, y = affine[:, :2] @ foot + affine[:, 2]
     return float(x), float(y)
-
-
-def overlap(a: Box, b: Box) -> tuple[float, float]:
-    """Intersection over union of two boxes, and intersection over the first."""
-    width = min(a[2], b[2]) - max(a[0], b[0])
-    height = min(a[3], b[3]) - max(a[1], b[1])
-    if width <= 0.0 or height <= 0.0:
-        return 0.0, 0.0
-    common = width * height
-    first, second = ((box[2] - box[0]) * (box[3] - box[1]) for box in (a, b))
-    return common / (first + second - common), common / first

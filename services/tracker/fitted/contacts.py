@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from heel.services.tracker.fitted.arrays import Box, overlap
+from heel.services.geometry.boxes import cover_of_smaller
 from heel.services.tracker.fitted.person import Person
 
 _CONTACT = 0.25
@@ -24,17 +24,13 @@ def meet(people: Sequence[Person], ratio: float, dt_s: float) -> None:
     for first, person in enumerate(people):
         for second in range(first):
             other = people[second]
-            if _smaller_overlap(boxes[first], boxes[second]) <= _CONTACT:
+            if cover_of_smaller(boxes[first], boxes[second]) <= _CONTACT:
                 continue
             hidden_s = dt_s if min(person.in_view, other.in_view) < _HIDDEN else 0.0
             for one, rival in ((person, other), (other, person)):
                 odds = max(TOUCH, one.rivals.get(rival.id, 0.0))
                 one.rivals[rival.id] = 0.5 - (0.5 - odds) * math.exp(-hidden_s / _MIXED_S)
                 one.looks.clear()
-
-
-def _smaller_overlap(first: Box, second: Box) -> float:
-    return max(overlap(first, second)[1], overlap(second, first)[1])
 
 
 def group_of(person: Person, by_id: Mapping[int, Person]) -> list[int]:

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
+from heel.services.geometry.boxes import intersection_matrix
 from heel.services.tracker.fitted.arrays import FloatMap, Floats, Foot
 from heel.services.tracker.fitted.template import CLUTTER, Template, template
 
@@ -177,9 +178,7 @@ def _without_overlap(peaks: Sequence[_Peak], step: int, line: HeightLine) -> lis
         height = line.height(foot[1])
         half = 0.5 * line.ratio * height
         box = np.array([foot[0] - half, foot[1] - height, foot[0] + half, foot[1]])
-        width = np.minimum(boxes[:, 2], box[2]) - np.maximum(boxes[:, 0], box[0])
-        tall = np.minimum(boxes[:, 3], box[3]) - np.maximum(boxes[:, 1], box[1])
-        common = np.clip(width, 0, None) * np.clip(tall, 0, None)
+        common = intersection_matrix(boxes, box[None])
         if (common > _OVERLAP * 2 * half * height).any():
             continue
         boxes = np.vstack([boxes, box])

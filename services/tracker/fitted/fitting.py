@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from heel.services.tracker.fitted.arrays import Foot, box_at, overlap
+from heel.services.geometry.boxes import cover
+from heel.services.tracker.fitted.arrays import Foot, box_at
 from heel.services.tracker.fitted.canvas import Canvas, Fit, Window
 from heel.services.tracker.fitted.coverage import Standing, reduce, reduction, standing
 from heel.services.tracker.fitted.person import Person
@@ -174,4 +175,4 @@ def _behind(candidate: Standing, people: Sequence[Person], ratio: float) -> floa
     """Share of a candidate's box behind the nearer person who covers most of it."""
     box = box_at(candidate.foot, candidate.height, ratio)
     nearer = [person for person in people if person.foot[1] > candidate.foot[1]]
-    return max((overlap(box, person.box(ratio))[1] for person in nearer), default=0.0)
+    return max((cover(box, person.box(ratio)) for person in nearer), default=0.0)

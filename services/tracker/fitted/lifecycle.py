@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from heel.schemas.blobs import FOREGROUND, MOVING
-from heel.services.tracker.fitted.arrays import Box, Image, overlap
+from heel.services.geometry.boxes import cover, iou
+from heel.services.tracker.fitted.arrays import Box, Image
 from heel.services.tracker.fitted.canvas import Canvas, Fit
 from heel.services.tracker.fitted.person import Person
 from heel.services.tracker.settings import Reporting
@@ -100,9 +101,9 @@ def without_duplicates(people: Sequence[Person], ratio: float, dt_s: float) -> l
 
 
 def _same(person: Person, other: Person, ratio: float) -> bool:
-    common, contained = overlap(person.box(ratio), other.box(ratio))
-    hidden = contained > _SAME_CONTAINED and person.best_gain < _NEVER_CLEAN
-    return common > _SAME_IOU or hidden
+    box, older = person.box(ratio), other.box(ratio)
+    hidden = cover(box, older) > _SAME_CONTAINED and person.best_gain < _NEVER_CLEAN
+    return iou(box, older) > _SAME_IOU or hidden
 
 
 def is_alive(person: Person, canvas: Canvas, ratio: float, reporting: Reporting) -> bool:

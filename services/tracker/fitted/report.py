@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from heel.schemas import Blobs, Track
 from heel.schemas.base import BoxXyxy
 from heel.schemas.tracks import TrackState
-from heel.services.tracker.fitted.arrays import overlap
+from heel.services.geometry.boxes import cover
 from heel.services.tracker.fitted.person import Person
 from heel.services.tracker.fitted.scale import SceneScale
 from heel.services.tracker.settings import Reporting
@@ -90,7 +90,7 @@ class Reporter:
         ratio = self._scale.ratio
         box = person.box(ratio)
         covers = [
-            (overlap(box, other.box(ratio))[1], -other.id)
+            (cover(box, other.box(ratio)), -other.id)
             for other in people
             if other is not person and (other.foot[1], -other.id) > (person.foot[1], -person.id)
         ]

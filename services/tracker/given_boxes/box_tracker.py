@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from heel.schemas.errors import HeelError
+from heel.services.geometry.boxes import iou_matrix
 from heel.services.tracker.given_boxes import kalman
 from heel.services.tracker.given_boxes.association import (
     marginals,
@@ -22,7 +23,6 @@ from heel.services.tracker.given_boxes.geometry import (
     AXES,
     FloatArray,
     covered_by,
-    iou,
     measurements_to_boxes,
 )
 from heel.services.tracker.given_boxes.groups import (
@@ -281,7 +281,7 @@ class BoxTracker:
                     track.track_id, track.confidence = self._new_id(), 1.0
             shared = 0.0
             if not track.confirmed and len(known):
-                shared = float(iou(track.box()[None], known).max())
+                shared = float(iou_matrix(track.box()[None], known).max())
             track.believe(float(frame.scores[j]), shared, t_s)
 
     def _sure_back(

@@ -1,4 +1,4 @@
-"""Box arithmetic shared by the association modules: shapes, overlaps and coverage.
+"""Boxes as the association modules need them: as measurements, and who may hide whom.
 
 Every function is pure and works on float arrays of `xyxy` pixel boxes, origin top-left.
 """
@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from heel.services.geometry.boxes import cover_matrix
 
 FloatArray = NDArray[np.float64]
 
@@ -49,40 +51,19 @@ def measurements_to_boxes(measurements: FloatArray) -> FloatArray:
     )
 
 
-def intersection_area(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Area in square pixels shared by each of (N, 4) and each of (M, 4) boxes, shape (N, M)."""
-    top_left = np.maximum(first[:, None, :2], second[None, :, :2])
-    bottom_right = np.minimum(first[:, None, 2:], second[None, :, 2:])
-    extent = np.clip(bottom_right - top_left, 0.0, None)
-    return np.asarray(extent[..., 0] * extent[..., 1])
-
-
-def box_area(boxes: FloatArray) -> FloatArray:
-    """Area in square pixels of each of (N, 4) boxes, shape (N,)."""
-    return np.asarray((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]))
-
-
-def iou(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Intersection over union in [0, 1] of each of (N, 4) and each of (M, 4) boxes, (N, M)."""
-    shared = intersection_area(first, second)
-    union = box_area(first)[:, None] + box_area(second)[None, :] - shared
-    return np.asarray(shared / np.maximum(union, 1e-9))
-
-
 def covered_by(boxes: FloatArray) -> FloatArray:
     """Share (N, N) in [0, 1] of each of (N, 4) boxes that each other box hides if it is nearer.
 
     Nearer means a lower foot line (larger bottom y), as on a common ground plane.
     """
-    shared = intersection_area(boxes, boxes) / np.maximum(box_area(boxes), 1e-9)[:, None]
     nearer = boxes[None, :, 3] > boxes[:, None, 3]
-    return np.asarray(np.where(nearer, shared, 0.0))
+    return np.where(nearer, cover_matrix(boxes, boxes), 0.0)
 
 
 def crowding(boxes: FloatArray) -> FloatArray:
     """Share in [0, 1] of each of (N, 4) boxes that the box it overlaps most has in common."""
     if len(boxes) < 2:
         return np.zeros(len(boxes))
-    shared = intersection_area(boxes, boxes) / np.maximum(box_area(boxes), 1e-9)[:, None]
+    shared = cover_matrix(boxes, boxes)
     np.fill_diagonal(shared, 0.0)
     return np.asarray(shared.max(axis=1))

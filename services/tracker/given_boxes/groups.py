@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from heel.services.geometry.boxes import areas, intersection_matrix
 from heel.services.tracker.given_boxes import kalman
 from heel.services.tracker.given_boxes.association import (
     GATE,
@@ -26,9 +27,7 @@ from heel.services.tracker.given_boxes.association import (
 )
 from heel.services.tracker.given_boxes.geometry import (
     FloatArray,
-    box_area,
     boxes_to_measurements,
-    intersection_area,
     measurements_to_boxes,
 )
 from heel.services.tracker.given_boxes.kalman import NOISE_ASPECT, NOISE_HEIGHT, NOISE_X, NOISE_Y
@@ -97,8 +96,8 @@ def _overlapping(
     predicted: FloatArray,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray]:
     """Pairs of (N, 4) boxes that may merge: indices (P,) twice, overlap (P,), union (P, 4)."""
-    area = box_area(predicted)
-    overlap = intersection_area(predicted, predicted) / np.minimum(area[:, None], area[None])
+    area = areas(predicted)
+    overlap = intersection_matrix(predicted, predicted) / np.minimum(area[:, None], area[None])
     first, second = np.nonzero(np.triu(overlap > _OVERLAP, 1))
     union = np.concatenate(
         [
@@ -107,7 +106,7 @@ def _overlapping(
         ],
         axis=1,
     )
-    large = box_area(union) > (1 + _GROWTH) * np.maximum(area[first], area[second])
+    large = areas(union) > (1 + _GROWTH) * np.maximum(area[first], area[second])
     first, second = first[large], second[large]
     return first, second, overlap[first, second], union[large]
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from heel.services.geometry.boxes import iou_matrix
 from heel.services.tracker.given_boxes import kalman
 from heel.services.tracker.given_boxes.frame import FrameBoxes
-from heel.services.tracker.given_boxes.geometry import iou
 from heel.services.tracker.given_boxes.track import Track
 from heel.services.tracker.given_boxes.tuning import Tuning
 
@@ -34,7 +34,7 @@ def newborn(
     taken = np.array([track.box() for track in known if track.seen_s == t_s]).reshape(-1, 4)
     made = []
     for j in sorted(free, key=lambda index: -scores[index]):
-        doubled = len(taken) and iou(boxes[j : j + 1], taken).max() > _DUPLICATE_IOU
+        doubled = len(taken) and iou_matrix(boxes[j : j + 1], taken).max() > _DUPLICATE_IOU
         if scores[j] < tuning.birth_score or doubled:
             continue
         mean, covariance = kalman.initial_state(seen[j : j + 1])

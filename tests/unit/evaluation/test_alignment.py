@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from heel.evaluation.alignment import AlignedSequence, FlagRule, align, best_pairs, iou_matrix
+from heel.evaluation.alignment import AlignedSequence, FlagRule, align, best_pairs
 from heel.evaluation.rows import rows_from_array
 from heel.schemas.errors import HeelError
 
@@ -92,13 +92,6 @@ def test_threshold_outside_its_range_is_refused(threshold: float) -> None:
         align(rows, rows, iou_threshold=threshold)
 
 
-def test_iou_is_shared_area_over_joint_area() -> None:
-    boxes = np.array([[0.0, 0, 10, 10], [5, 0, 15, 10], [20, 20, 30, 30]])
-    expected = [[1, 1 / 3, 0], [1 / 3, 1, 0], [0, 0, 1]]
-    assert iou_matrix(boxes, boxes) == pytest.approx(np.array(expected))
-    assert iou_matrix(boxes, np.empty((0, 4))).shape == (3, 0)
-
-
 @pytest.mark.parametrize(
     ("iou", "preferred", "pairs"),
     [
@@ -117,8 +110,3 @@ def test_best_pairs(
     wished = None if preferred is None else np.array(preferred)
     rows, columns = best_pairs(np.array(iou), 0.5, wished)
     assert list(zip(rows.tolist(), columns.tolist(), strict=True)) == pairs
-
-
-def test_boxes_that_clipping_has_left_without_area_overlap_nothing() -> None:
-    gone, whole = [0.0, 480.0, 640.0, 480.0], [10.0, 10.0, 20.0, 40.0]
-    assert iou_matrix(np.array([gone, whole]), np.array([gone, whole])).tolist() == [[0, 0], [0, 1]]

@@ -16,7 +16,7 @@ from heel.services.capture.pan_window import PanSettings
 from heel.services.loops.panning.episode import Episode, Outcome
 from heel.services.loops.panning.perception import Perception, TrueBoxes
 from heel.services.loops.panning.sequence import Appearance, appearances, follow_everybody
-from heel.services.loops.panning.truth import InWindow, People, in_window, overlap, read_people
+from heel.services.loops.panning.truth import InWindow, People, in_window, read_people
 
 DATA = Path(os.environ.get("HEEL_DATA", Path(__file__).parents[4] / "shared" / "data"))
 PETS = DATA / "PETS09-S2L1"
@@ -84,14 +84,6 @@ def test_boxes_are_cut_at_the_window_and_the_recording() -> None:
     # Half of the first lies outside the recording, where nobody could show it.
     assert seen.inside.tolist() == pytest.approx([0.5 * 0.75, 0.5 * 0.75, 0.0])
     assert seen.boxes_xyxy[:2].tolist() == [[0, 0, 10, 30], [80, 0, 100, 30]]
-
-
-@pytest.mark.parametrize(
-    ("box", "iou"),
-    [((0, 0, 10, 10), 1.0), ((5, 0, 15, 10), 1 / 3), ((10, 0, 20, 10), 0.0), ((3, 3, 3, 3), 0.0)],
-)
-def test_overlap_is_intersection_over_union(box: tuple[float, ...], iou: float) -> None:
-    assert overlap(np.array([0.0, 0, 10, 10]), np.array([box], float))[0] == pytest.approx(iou)
 
 
 def test_who_is_seen_for_too_short_is_not_followed() -> None:

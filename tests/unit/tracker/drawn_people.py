@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from heel.schemas import Blob, Blobs, Evidence, Patch, Track, Tracks
 from heel.schemas.base import BoxXyxy
 from heel.schemas.blobs import FOREGROUND, MOVING
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 from heel.services.tracker.core import Tracker
 
 WIDTH, HEIGHT, FPS = 320, 240, 10

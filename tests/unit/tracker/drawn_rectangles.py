@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from heel.schemas import Blob, Blobs, Evidence, Patch, Tracks
 from heel.schemas.base import BoxXyxy
 from heel.schemas.blobs import FOREGROUND
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 from heel.services.tracker.core import Tracker
 
 WIDTH, HEIGHT, FPS = 640, 480, 10
@@ -56,7 +56,7 @@ def joined(parts: Sequence[BoxXyxy]) -> list[BoxXyxy]:
         touching = [other for other in todo if boxes.intersection(box, other) > 0]
         if touching:
             todo = [other for other in todo if other not in touching]
-            todo.append(boxes.union([box, *touching]))
+            todo.append(boxes.enclosing([box, *touching]))
         else:
             done.append(box)
     return done

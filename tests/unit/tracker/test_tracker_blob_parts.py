@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from heel.schemas.base import BoxXyxy
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 from heel.services.tracker.blob.assignment import assign
 from heel.services.tracker.blob.features import FAMILIES, extract
 from heel.services.tracker.blob.identity import cost_matrix, retain

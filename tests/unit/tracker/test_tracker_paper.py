@@ -9,7 +9,7 @@ import pytest
 
 from heel.schemas import Tracks, decode, encode
 from heel.schemas.tracks import MAX_TRACKS
-from heel.services.tracker.blob import boxes
+from heel.services.geometry import boxes
 from heel.services.tracker.core import Tracker
 from heel.services.tracker.settings import TrackerSettings
 from tests.unit.tracker.drawn_rectangles import (
