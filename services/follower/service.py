@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import TypeVar
@@ -44,10 +43,9 @@ from heel.services.follower.settings import FollowerServiceSettings
 from heel.services.runtime import places, qos
 from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.inbox import Arrival
-from heel.services.runtime.latched import LatchedQuery
+from heel.services.runtime.latched import LatchedQuery, latched_values
 from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
-from heel.services.runtime.session import QUERY_TIMEOUT_S
 from heel.services.runtime.settings import Loaded
 from heel.services.runtime.stop_keeper import StopKeeper
 from heel.services.runtime.streams import Received, StreamJudge
@@ -359,17 +357,10 @@ class FollowerService:
             self._note.save(kept)
 
     def _ask_camera(self) -> None:
-        for info in self._latched(keys.info(self._context.settings.camera), CameraInfo):
+        context = self._context
+        key = keys.info(context.settings.camera)
+        for info in latched_values(context.session, key, CameraInfo, context.log, context.stop):
             self._take_info(info, time.monotonic())
-
-    def _latched(self, key: str, kind: type[M]) -> Iterator[M]:
-        for reply in self._context.session.get(key, timeout=QUERY_TIMEOUT_S):
-            if reply.ok is None:
-                continue
-            try:
-                yield decode(kind, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
-            except MessageError as error:
-                self._context.log.warning("%s: %s", key, error)
 
     def _answer(self, query: zenoh.Query) -> None:
         """Serve `follow/target`: no payload reads, a `TargetRequest` chooses."""

@@ -1,24 +1,80 @@
-"""Asking for a latched value without ever waiting for the answer."""
+"""Asking for latched values: now and then without ever waiting, or once before a service starts."""
 
 from __future__ import annotations
 
+import logging
 import math
+import threading
+import time
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Generic, TypeVar
 
 import zenoh
-from zenoh.handlers import FifoChannel, Handler
+from zenoh.handlers import FifoChannel
 
 from heel.schemas import Message, MessageError, decode
 
 _PERIOD_S = 2.0
+"""Seconds between two questions; chosen by hand."""
 _MOST_ANSWERS = 16
+"""Answers taken to one question; no topic has as many holders."""
+_LONGEST_S = 1.0
+"""Seconds after which a question asked once is over; answers take milliseconds."""
+_LOOK_S = 0.01
+"""Seconds between two looks at the answers to a question asked once."""
 
 M = TypeVar("M", bound=Message)
 
 
+class _Question:
+    """One question on a key, and the answers as they come."""
+
+    def __init__(self, session: zenoh.Session, key: str, timeout_s: float) -> None:
+        # Not a RingChannel: it loses its replies when the query ends before they are read.
+        self._replies = session.get(
+            key, FifoChannel(_MOST_ANSWERS), timeout=timeout_s,
+            congestion_control=zenoh.CongestionControl.DROP,
+        )  # fmt: skip
+        self.over = False
+        """Whether all have answered, or the time is over."""
+
+    def answers(self) -> Iterator[zenoh.Sample]:
+        """Those that have come since the last call; never waits."""
+        while not self.over:
+            try:
+                reply = self._replies.try_recv()
+            except zenoh.ZError:
+                self.over = True
+                return
+            if reply is None:
+                return
+            if reply.ok is not None:
+                yield reply.ok
+
+
+def latched_values(
+    session: zenoh.Session, key: str, kind: type[M], log: logging.Logger, stop: threading.Event
+) -> Iterator[M]:
+    """Ask once for what is latched under `key`; answers that are no `kind` are logged.
+
+    Ends when all have answered, after a second, or when `stop` is set, whichever is first.
+    """
+    question = _Question(session, key, _LONGEST_S)
+    deadline_s = time.monotonic() + _LONGEST_S
+    while not stop.is_set():
+        for sample in question.answers():
+            try:
+                yield _decoded(kind, sample)
+            except MessageError as error:
+                log.warning("%s: %s", key, error)
+        if question.over or time.monotonic() > deadline_s:
+            return
+        stop.wait(_LOOK_S)
+
+
 class LatchedQuery(Generic[M]):
-    """A query that a service loop repeats and looks after now and then, until it is answered.
+    """A question that a service loop repeats and looks after now and then, until it is answered.
 
     Args:
         session: the service's session.
@@ -30,8 +86,8 @@ class LatchedQuery(Generic[M]):
         self._session = session
         self._key = key
         self._kind = kind
-        self._replies: Handler[zenoh.Reply] | None = None
-        self._asked_s = float("-inf")
+        self._question: _Question | None = None
+        self._asked_s = -math.inf
 
     def poll(self, now_s: float) -> M | None:
         """The value if an answer has come; asks anew every two seconds.
@@ -41,23 +97,11 @@ class LatchedQuery(Generic[M]):
         """
         if now_s - self._asked_s >= _PERIOD_S:
             self._asked_s = now_s
-            # Not a RingChannel: it loses its replies when the query ends before they are read.
-            self._replies = self._session.get(
-                self._key, FifoChannel(4), timeout=_PERIOD_S / 2,
-                congestion_control=zenoh.CongestionControl.DROP,
-            )  # fmt: skip
-        if self._replies is None:
+            self._question = _Question(self._session, self._key, _PERIOD_S / 2)
+        if self._question is None:
             return None
-        try:
-            reply = self._replies.try_recv()
-        except zenoh.ZError:
-            # The query is over, and nobody has answered.
-            self._replies = None
-            return None
-        if reply is None or reply.ok is None:
-            return None
-        sample = reply.ok
-        return decode(self._kind, sample.payload.to_bytes(), str(sample.encoding))
+        sample = next(self._question.answers(), None)
+        return None if sample is None else _decoded(self._kind, sample)
 
 
 class LatchedAnswers(Generic[M]):
@@ -67,7 +111,7 @@ class LatchedAnswers(Generic[M]):
         session: the service's session.
         key: of the latched topic.
         kind: the message expected there; what is no such message is left out.
-        period_s: between two questions.
+        period_s: seconds between two questions.
     """
 
     def __init__(
@@ -77,7 +121,7 @@ class LatchedAnswers(Generic[M]):
         self._key = key
         self._kind = kind
         self._period_s = period_s
-        self._replies: Handler[zenoh.Reply] | None = None
+        self._question: _Question | None = None
         self._answers: list[M] = []
         self.asked_s = -math.inf
         """When the last question went out."""
@@ -87,24 +131,21 @@ class LatchedAnswers(Generic[M]):
 
         A question is over when all have answered, or after half a period.
         """
-        if self._replies is None and now_s - self.asked_s >= self._period_s:
+        if self._question is None and now_s - self.asked_s >= self._period_s:
             self.asked_s = now_s
             self._answers = []
-            self._replies = self._session.get(
-                self._key, FifoChannel(_MOST_ANSWERS), timeout=self._period_s / 2,
-                congestion_control=zenoh.CongestionControl.DROP,
-            )  # fmt: skip
-        while self._replies is not None:
-            try:
-                reply = self._replies.try_recv()
-            except zenoh.ZError:
-                self._replies = None
-                return self._answers
-            if reply is None:
-                return None
-            if reply.ok is not None and len(self._answers) < _MOST_ANSWERS:
+            self._question = _Question(self._session, self._key, self._period_s / 2)
+        if self._question is None:
+            return None
+        for sample in self._question.answers():
+            if len(self._answers) < _MOST_ANSWERS:
                 with suppress(MessageError):
-                    self._answers.append(
-                        decode(self._kind, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
-                    )
-        return None
+                    self._answers.append(_decoded(self._kind, sample))
+        if not self._question.over:
+            return None
+        self._question = None
+        return self._answers
+
+
+def _decoded(kind: type[M], sample: zenoh.Sample) -> M:
+    return decode(kind, sample.payload.to_bytes(), str(sample.encoding))

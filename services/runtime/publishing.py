@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
-from collections.abc import Iterator
-from typing import TypeVar
 
 import zenoh
 from zenoh.shm import ZShmMut
 
-from heel.schemas import EndOfStream, Message, MessageError, Stamp, decode, encode
+from heel.schemas import EndOfStream, Message, Stamp, encode
 from heel.schemas.base import MAX_AGE_NS
 from heel.services.runtime.qos import Delivery, TopicQos
-
-_ASK_TIMEOUT_S = 1.0
-"""Below the deadline for ending: a service that is told to end while it asks ends in time."""
-M = TypeVar("M", bound=Message)
 
 
 class StreamPublisher:
@@ -103,19 +96,3 @@ class Latched:
     def __exit__(self, *_: object) -> None:
         self._queryable.undeclare()  # type: ignore[no-untyped-call]
         self._publisher.undeclare()  # type: ignore[no-untyped-call]
-
-
-def latched_values(
-    session: zenoh.Session, key: str, kind: type[M], log: logging.Logger
-) -> Iterator[M]:
-    """Ask once for what is latched under `key`; answers that are no `kind` are logged.
-
-    Comes to its end within a second, whoever does not answer.
-    """
-    for reply in session.get(key, timeout=_ASK_TIMEOUT_S):
-        if reply.ok is None:
-            continue
-        try:
-            yield decode(kind, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
-        except MessageError as error:
-            log.warning("%s: %s", key, error)

@@ -12,8 +12,8 @@ from typing import TypeVar
 from heel.schemas import EStop, HeelError, MessageError, SettingsError, decode, encode, keys
 from heel.services.runtime import places, qos
 from heel.services.runtime.inbox import Arrival
-from heel.services.runtime.latched import LatchedAnswers
-from heel.services.runtime.publishing import Latched, latched_values
+from heel.services.runtime.latched import LatchedAnswers, latched_values
+from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import ServiceContext
 from heel.services.runtime.settings import ServiceSettings
 from heel.services.runtime.stop_latch import StopLatch
@@ -61,7 +61,10 @@ class StopKeeper:
             self._saved = kept
             self._take_over("kept since an earlier run, engaged")
         asked_s = time.monotonic()
-        answers = latched_values(self._context.session, keys.FOLLOW_ESTOP, EStop, self._context.log)
+        context = self._context
+        answers = latched_values(
+            context.session, keys.FOLLOW_ESTOP, EStop, context.log, context.stop
+        )
         if self._latch.hear_answers(answers, asked_s):
             self._take_over("engaged" if self.engaged else "released")
         self.save()

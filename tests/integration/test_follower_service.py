@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -270,3 +271,21 @@ def test_another_lens_in_the_middle_is_not_believed(robot: Robot) -> None:
     robot.put(keys.info("front"), narrow, stamped=False)
     robot.until("health", lambda _: robot.says("two descriptions"))
     assert robot.states[-1].distance_m == pytest.approx(plain.distance_m, rel=0.2)
+
+
+def test_a_follower_that_waits_for_latched_values_ends_by_itself_when_told_to() -> None:
+    asked, kept = threading.Event(), []
+
+    def keep(query: zenoh.Query) -> None:
+        # A question that is neither answered nor dropped stays open for those who asked it.
+        kept.append(query)
+        asked.set()
+
+    with network.router() as endpoint, network.client(endpoint) as session:
+        queryable = session.declare_queryable("**", keep)
+        with running("-m", "heel.services.follower", "--connect", endpoint) as follower:
+            assert asked.wait(30.0), follower.stderr()
+            code, _ = follower.stop(signal.SIGTERM, network.DEADLINE_S)
+            assert "forced exit" not in follower.stderr()
+            assert code == 0, follower.stderr()
+        queryable.undeclare()
