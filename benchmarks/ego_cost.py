@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from benchmarks.common import Figure, data_folder, publish, write_json
 from heel.schemas import FrameId
 from heel.schemas.errors import HeelError
+from heel.services.detector.background.evidence import smoothed
 from heel.services.detector.camera_motion import EgoMotion
-from heel.services.detector.geometry import WorkSize
-from heel.services.detector.regions import smoothed
 from heel.services.detector.settings import DetectorSettings
+from heel.services.detector.work_size import WorkSize
 from heel.services.loops.panning.scripted import panning, scripted_frames
 from heel.services.pipeline import InProcessPipeline, RecordedFrames
 from heel.services.runtime import process

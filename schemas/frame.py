@@ -29,6 +29,16 @@ class FrameId(Part):
         description="acquisition time: wall clock when live, media time in a lossless run"
     )
 
+    def frame_id(self) -> FrameId:
+        """The part that later messages repeat."""
+        return FrameId(
+            stream=self.stream,
+            epoch=self.epoch,
+            seq=self.seq,
+            index=self.index,
+            t_capture_ns=self.t_capture_ns,
+        )
+
 
 class Header(FrameId, Message):
     """Attachment of an image: everything about the pixels but the pixels."""
@@ -43,16 +53,6 @@ class Header(FrameId, Message):
     image_encoding: ImageEncoding
     producer: Producer
     age_ns: AgeNs = Field(default=0, description="monotonic time from acquisition to sending")
-
-    def frame_id(self) -> FrameId:
-        """The part that later messages repeat."""
-        return FrameId(
-            stream=self.stream,
-            epoch=self.epoch,
-            seq=self.seq,
-            index=self.index,
-            t_capture_ns=self.t_capture_ns,
-        )
 
 
 class Stamp(Message):

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas import Blobs, FrameId, Pointed, SettingsError, Tracks
-from heel.services.detector.auto.detector import AutoDetector
-from heel.services.detector.background_detector import BackgroundDetector
-from heel.services.detector.ego.foreground import EgoForeground
-from heel.services.detector.interface import Factory, Frame, FrameDetector, added_detector
-from heel.services.detector.mixture.foreground import MixtureForeground
-from heel.services.detector.mog2.foreground import Mog2Foreground
+from heel.services.detector.auto import AutoDetector
+from heel.services.detector.background.detector import BackgroundDetector
+from heel.services.detector.background.foreground import MovingForeground, StandingForeground
+from heel.services.detector.interface import Frame, FrameDetector
+from heel.services.detector.mog2 import Mog2Foreground
 from heel.services.detector.neural.detector import NeuralDetector
-from heel.services.detector.settings import DetectorSettings
+from heel.services.detector.plugins import added_detector, added_names
+from heel.services.detector.settings import BUILT_IN, DetectorSettings
 
 
 class Detector:
@@ -61,24 +60,34 @@ class Detector:
             source_size: width and height before capture scaled the frame, pixels.
             feedback: tracks of frame `seq - settings.feedback_lag_frames` or older, None when
                 there are none; tracks of another scene are ignored.
-            pointed: where a user pointed at somebody who is not tracked, since the frame before.
+            pointed: where a user pointed, since the frame before, at a person without a track.
         """
         return self._detector.detect(Frame(frame, image, source_size, feedback, pointed))
 
 
-_BUILT_IN: dict[str, Factory] = {
-    "auto": AutoDetector,
-    "mixture": partial(BackgroundDetector, MixtureForeground),
-    "mog2": partial(BackgroundDetector, Mog2Foreground),
-    "ego": partial(BackgroundDetector, EgoForeground),
-}
-
-
 def _made(settings: DetectorSettings, clock: Callable[[], float] | None) -> FrameDetector:
-    name = settings.detector
-    if name == "onnx" or (name == "auto" and settings.model is not None):
-        return NeuralDetector(settings, clock)
-    if settings.model is not None and name in ("mixture", "mog2", "ego"):
-        raise SettingsError(f"detector {name} takes no model: leave out --model, or use onnx")
-    factory = _BUILT_IN.get(name) or added_detector(name, [*_BUILT_IN, "onnx"])
-    return factory(settings)
+    match settings.method:
+        case "onnx":
+            return NeuralDetector(settings, clock)
+        case "auto":
+            return AutoDetector(settings)
+        case "mixture":
+            return BackgroundDetector(StandingForeground, settings)
+        case "ego":
+            return BackgroundDetector(MovingForeground, settings)
+        case "mog2":
+            return BackgroundDetector(Mog2Foreground, settings)
+        case name:
+            return _added(name, settings)
+
+
+def _added(name: str, settings: DetectorSettings) -> FrameDetector:
+    factory = added_detector(name)
+    if factory is None:
+        known = ", ".join(sorted({*BUILT_IN, *added_names()}))
+        raise SettingsError(f"detector {name!r} is not known: use one of {known}")
+    options = getattr(factory, "Options", None)
+    made: FrameDetector = (
+        factory(settings) if options is None else factory(settings, options(**settings.options))
+    )
+    return made

@@ -27,6 +27,12 @@ from heel.services.runtime.service import ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
 from heel.services.runtime.streams import StreamJudge
 
+_FEEDBACK_TIMEOUT_S = 2.0
+"""Longest wait of a lossless run for the tracks of an earlier frame: a tracker takes milliseconds,
+one that has ended never answers."""
+_POLL_S = 0.2
+"""Longest wait at once, so that a stop is noticed."""
+
 
 class DetectorService:
     """Wires the detector core to its topics."""
@@ -108,7 +114,7 @@ class DetectorService:
         return pointed
 
     def _await(self, frame: FrameId) -> Tracks | None:
-        deadline_s = time.monotonic() + self._settings.feedback_timeout_s
+        deadline_s = time.monotonic() + _FEEDBACK_TIMEOUT_S
         while self._context.running:
             tracks = self._feedback.exact(frame)
             if tracks is not None:
@@ -117,12 +123,12 @@ class DetectorService:
             remaining_s = deadline_s - time.monotonic()
             if remaining_s <= 0:
                 break
-            arrival = self._context.inbox.get(min(remaining_s, 0.2), "tracks")
+            arrival = self._context.inbox.get(min(remaining_s, _POLL_S), "tracks")
             if arrival is not None:
                 self._take(arrival, self._tracks)
         reason = (
             f"no tracks of frame {frame.seq - self._settings.feedback_lag_frames} within "
-            f"{self._settings.feedback_timeout_s:g} s: going on without protecting people; "
+            f"{_FEEDBACK_TIMEOUT_S:g} s: going on without protecting people; "
             "this run is not repeatable"
         )
         if self._context.statistics.problem("feedback", reason):

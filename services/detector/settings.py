@@ -1,31 +1,62 @@
-"""Settings of the detector: the two presets and every number that can be overridden."""
+"""Settings of the detector: two presets, what can be changed, and which method reads what."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from heel.schemas.errors import SettingsError
+from heel.services.detector.plugins import checked_options
 from heel.services.runtime.settings import ServiceSettings
 
 Preset = Literal["default", "paper"]
+Method = Literal["auto", "mixture", "ego", "mog2", "onnx"]
+BUILT_IN: tuple[str, ...] = get_args(Method)
 
-# The paper's own numbers, which nothing overrides, are in `mog2/numbers.py`.
+# The paper's other numbers, which nothing overrides, are in `mog2.py`.
 _PAPER: dict[str, Any] = {
     "detector": "mog2",
     "work_width_px": 768,
     "blur_px": 0,
-    "shadow_ratio": 0.5,
     "protect": False,
 }
+_LEARNED = ("auto", "mixture", "ego")
+_USED_BY: dict[str, tuple[str, ...]] = {
+    "model": ("onnx",),
+    "model_class": ("onnx",),
+    "model_score": ("onnx",),
+    "model_budget_ms": ("onnx",),
+    "model_closer_looks": ("onnx",),
+    "bridge_s": ("onnx",),
+    "startup_s": ("auto", "mixture"),
+    "dissolve_ghosts": _LEARNED,
+    "min_blob_area_px": _LEARNED,
+    "protect": (*_LEARNED, "mog2"),
+    "options": (),
+}
+"""Settings that not every built-in method reads, and those that do."""
+
+
+def _split_options(value: object) -> object:
+    """Let `NAME=VALUE,NAME=VALUE` stand for a table, as people type it in shells."""
+    if not isinstance(value, str):
+        return value
+    pairs = [part.partition("=") for part in value.split(",") if part.strip()]
+    for name, given, _ in pairs:
+        if not given:
+            raise SettingsError(f"options {name!r}: write NAME=VALUE, several with commas between")
+    return {name.strip(): text.strip() for name, _, text in pairs}
 
 
 class DetectorSettings(BaseModel):
     """A preset and what is changed in it.
 
     Field defaults are those of the preset `default`; `preset="paper"` replaces those that are
-    not given. A field given as None counts as not given.
+    not given. A field given as None counts as not given. A setting that the chosen method does not
+    read is an error.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -33,9 +64,14 @@ class DetectorSettings(BaseModel):
     preset: Preset = Field(default="default", description="paper: the published method as printed")
     detector: Annotated[str, Field(pattern=r"^[a-z0-9_-]{1,64}$")] = Field(
         default="auto",
-        description="mixture: background that learns around people; ego: carried along with a "
-        "moving camera; auto: whichever of the two holds, or the model where one is given; onnx: "
+        description="mixture: background of a standing camera; ego: background warped with a "
+        "moving one; auto: whichever of the two holds, or the model where one is given; onnx: "
         "the model; mog2: OpenCV's background; or one that another package adds",
+    )
+    options: Annotated[dict[str, Any], BeforeValidator(_split_options)] = Field(
+        default_factory=dict,
+        description="settings of a detector that another package adds, NAME=VALUE,...; an unknown "
+        "name gets the list",
     )
     model: Path | None = Field(
         default=None, description="network that finds people, an ONNX file (onnx, auto)"
@@ -46,58 +82,61 @@ class DetectorSettings(BaseModel):
         "name its classes",
     )
     model_score: Annotated[float, Field(gt=0, lt=1)] = Field(
-        default=0.3, description="onnx: least score of a person"
+        default=0.3,
+        description="onnx: least score of a person; lower finds more people and more that are none",
     )
     model_budget_ms: Annotated[float, Field(ge=0, le=10000)] = Field(
         default=0.0,
-        description="onnx, live: mean time of the network a frame that is kept, ms; 0: no bound, "
-        "as always in a lossless run",
+        description="onnx, live: mean time of the network a frame that is kept, ms; less looks at "
+        "fewer frames; 0: no bound, as always in a lossless run",
     )
     model_closer_looks: Annotated[int, Field(ge=0, le=8)] = Field(
         default=2,
-        description="onnx: most parts of a frame on which the network runs again, enlarged, where "
-        "people are small",
+        description="onnx: most parts of a frame on which the network runs again, enlarged; more "
+        "finds small people sooner and takes longer",
     )
-    carry_s: Annotated[float, Field(ge=0, le=5)] = Field(
+    bridge_s: Annotated[float, Field(ge=0, le=5)] = Field(
         default=0.2,
-        description="onnx: longest time for which somebody the network misses is carried on by "
-        "their pixels, s",
+        description="onnx: longest time for which a person that the network misses is kept by its "
+        "optical flow, s; longer bridges more gaps and keeps more false boxes",
     )
     work_width_px: Annotated[int, Field(ge=16, le=1024)] = Field(
-        default=480, description="frames wider than this are shrunk before anything else, pixels"
+        default=480,
+        description="frames wider than this are shrunk before anything else, pixels; more sees "
+        "smaller people and takes longer",
     )
     blur_px: Annotated[int, Field(ge=0, le=31)] = Field(
-        default=5, description="Gaussian blur before the background model, 0 or odd, working pixels"
-    )
-    shadow_ratio: Annotated[float, Field(gt=0, lt=1)] = Field(
-        default=0.7, description="darkest share of the background still called shadow (MOG2's tau)"
-    )
-    foreground_sigmas: Annotated[float, Field(ge=1, le=30)] = Field(
-        default=3.2,
-        description="mixture: distance from the background that is foreground, standard deviations",
-    )
-    carried_sigmas: Annotated[float, Field(ge=1, le=30)] = Field(
-        default=3.0, description="ego: the same, for the background that moves with the camera"
-    )
-    learning_rate_per_s: Annotated[float, Field(gt=0, le=10)] = Field(
-        default=0.14, description="mixture: how fast the background follows the picture, 1/s"
+        default=5,
+        description="Gaussian blur before the background model, 0 or odd, working pixels; more "
+        "hides noise and small people",
     )
     startup_s: Annotated[float, Field(ge=0, le=60)] = Field(
         default=4.0,
-        description="mixture: what has not been still for a moment by then is background, seconds",
+        description="mixture: what has not been still for a moment by then is background, seconds; "
+        "longer waits for people who move about in the first frames",
     )
     dissolve_ghosts: bool = Field(
-        default=True, description="mixture: learn at once where a learned person has walked away"
+        default=True,
+        description="mixture, ego: learn at once where a person that was background has left",
     )
     min_blob_area_px: Annotated[int, Field(ge=1, le=10000)] = Field(
-        default=12, description="mixture: least foreground pixels of a blob, working pixels"
+        default=12,
+        description="mixture, ego: least foreground pixels of a blob, working pixels; more hides "
+        "noise and distant people",
     )
     protect: bool = Field(
         default=True, description="keep confirmed people out of the background model"
     )
     feedback_lag_frames: Annotated[int, Field(ge=1, le=50)] = Field(
-        default=2, description="at frame n the tracks of frame n minus this are used"
+        default=2,
+        description="at frame n the tracks of frame n minus this are used; more lets detector and "
+        "tracker work side by side, on older tracks",
     )
+
+    @property
+    def method(self) -> str:
+        """What detects: one of `Method`, or the name of a detector that another package adds."""
+        return "onnx" if self.detector == "auto" and self.model is not None else self.detector
 
     @model_validator(mode="before")
     @classmethod
@@ -105,7 +144,11 @@ class DetectorSettings(BaseModel):
         if not isinstance(data, dict):
             return data
         given = {name: value for name, value in data.items() if value is not None}
-        return {**_PAPER, **given} if given.get("preset") == "paper" else given
+        given = {**_PAPER, **given} if given.get("preset") == "paper" else given
+        name, options = given.get("detector"), _split_options(given.get("options", {}))
+        if isinstance(name, str) and name not in BUILT_IN and isinstance(options, Mapping):
+            given["options"] = checked_options(name, dict(options))
+        return given
 
     @property
     def sends_people(self) -> bool:
@@ -118,13 +161,22 @@ class DetectorSettings(BaseModel):
             raise ValueError(f"blur_px {self.blur_px} is even: use 0 or an odd size")
         return self
 
+    @model_validator(mode="after")
+    def _method_reads_them(self) -> DetectorSettings:
+        if self.method not in BUILT_IN:
+            return self
+        preset = _PAPER if self.preset == "paper" else {}
+        for name, users in _USED_BY.items():
+            value, field = getattr(self, name), type(self).model_fields[name]
+            usual = preset.get(name, field.get_default(call_default_factory=True))
+            if value != usual and self.method not in users:
+                of = f"detector {' or '.join(users)}" if users else "detectors of other packages"
+                raise SettingsError(
+                    f"{name}: detector {self.method} does not read it, it is for {of}: leave it "
+                    f"out, or choose another detector"
+                )
+        return self
+
 
 class DetectorServiceSettings(ServiceSettings, DetectorSettings):
     """Settings of the detector process."""
-
-    feedback_timeout_s: float = Field(
-        default=2.0,
-        ge=0,
-        le=60,
-        description="lossless: longest wait for the tracks of an earlier frame, seconds",
-    )

@@ -210,7 +210,7 @@ class Follower:
             return None
         x_px, y_px = pending.place_px
         return Pointed(
-            frame=FrameId(**tracks.model_dump(include=set(FrameId.model_fields))),
+            frame=tracks.frame_id(),
             width=tracks.width, height=tracks.height, x_px=x_px, y_px=y_px,
         )  # fmt: skip
 

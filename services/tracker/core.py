@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.schemas import Blobs, CameraMotion, FrameId, Track, Tracks
+from heel.schemas import Blobs, CameraMotion, Track, Tracks
 from heel.services.geometry.calibration_file import Calibration, read_calibration
 from heel.services.tracker.blob.tracker import BlobTracker
 from heel.services.tracker.fitted.tracker import FittedTracker
@@ -147,7 +147,7 @@ def _camera_motion(blobs: Blobs) -> CameraMotion | None:
 
 def _message(blobs: Blobs, tracks: list[Track]) -> Tracks:
     return Tracks(
-        **blobs.model_dump(include=set(FrameId.model_fields)),
+        **blobs.frame_id().model_dump(),
         width=blobs.width,
         height=blobs.height,
         source_width=blobs.source_width,

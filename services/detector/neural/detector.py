@@ -11,24 +11,24 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.schemas import Blobs, FrameId, SettingsError, Tracks
+from heel.schemas import Blobs, SettingsError, Tracks
 from heel.schemas.blobs import MAX_BLOBS
-from heel.services.detector.background_detector import SceneKey, camera_motion
-from heel.services.detector.camera_motion import EgoMotion, MotionEstimate
-from heel.services.detector.free_mask import free_mask
-from heel.services.detector.geometry import WorkSize
+from heel.services.detector.background.evidence import smoothed
+from heel.services.detector.camera_motion import CameraPath, EgoMotion, MotionEstimate
+from heel.services.detector.feedback import free_mask
 from heel.services.detector.interface import Frame
+from heel.services.detector.messages import blobs_message, camera_motion, person_blobs
 from heel.services.detector.neural.attention import Attention
 from heel.services.detector.neural.between import Between, Seen
 from heel.services.detector.neural.budget import Budget
-from heel.services.detector.neural.expectation import CameraPath, confirmed_people, newcomers
+from heel.services.detector.neural.expectation import confirmed_people, newcomers
 from heel.services.detector.neural.known_files import doubtful
 from heel.services.detector.neural.looking import look, nobody, together
 from heel.services.detector.neural.model import Detections, PersonModel
-from heel.services.detector.neural.packing import person_blobs
 from heel.services.detector.neural.views import View, Views
-from heel.services.detector.regions import smoothed
+from heel.services.detector.scene import Scene, Scenes
 from heel.services.detector.settings import DetectorSettings
+from heel.services.detector.work_size import WorkSize
 
 _log = logging.getLogger("heel.detector")
 Clock = Callable[[], float]
@@ -36,11 +36,9 @@ Clock = Callable[[], float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Scene:
-    """All that has to start over when the stream, the epoch or the size changes."""
+class _People:
+    """What is known of the people and the camera of one scene."""
 
-    key: SceneKey
-    size: WorkSize
     views: Views
     attention: Attention
     between: Between
@@ -71,20 +69,21 @@ class NeuralDetector:
         self._settings = settings
         self._clock = clock
         self._budget = Budget(settings.model_budget_ms if clock is not None else 0.0)
-        self._scene: _Scene | None = None
+        self._scenes = Scenes(settings.work_width_px, self._begin)
 
     def detect(self, frame: Frame) -> Blobs:
         """Find the people of one frame."""
-        scene = self._scene_of(frame)
-        feedback = _of_scene(frame.feedback, scene.key)
+        scene = self._scenes.of(frame.scene)
+        people = scene.state
+        feedback = scene.key.matching(frame.feedback)
         motion = self._ego_motion(scene, frame, feedback)
         sent = camera_motion(motion, scene.size)
         step = np.eye(2, 3) if sent is None else np.array(sent.affine).reshape(2, 3)
-        scene.path.add(frame.id.seq, step)
-        known = confirmed_people(feedback, frame.id, scene.path)
-        expected = [*known, *newcomers(scene.between.people, known, step)]
-        parts = scene.attention.next_views(expected, self._settings.model_closer_looks)
-        found = self._look(frame.image, scene, parts)
+        people.path.add(frame.id.seq, step)
+        known = confirmed_people(feedback, frame.id, people.path)
+        expected = [*known, *newcomers(people.between.people, known, step)]
+        parts = people.attention.next_views(expected, self._settings.model_closer_looks)
+        found = self._look(frame.image, people.views, parts)
         seen = [
             Seen((left, top, right, bottom), min(1.0, score))
             for (left, top, right, bottom), score in zip(
@@ -93,33 +92,37 @@ class NeuralDetector:
         ]
         grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), np.uint8)
         where = [person.box_xyxy for person in known]
-        carried = scene.between.update(grey, frame.id.t_capture_ns, seen, where, step)
-        return self._message(frame, scene, [*seen, *carried], motion)
+        carried = people.between.update(grey, frame.id.t_capture_ns, seen, where, step)
+        found_and_carried = [(one.box_xyxy, one.score) for one in (*seen, *carried)]
+        blobs = person_blobs(found_and_carried[:MAX_BLOBS], frame.image)
+        return blobs_message(
+            frame, scene.size, "onnx", blobs, motion,
+            kind="people", blobs_left_out=len(found_and_carried) - len(blobs),
+        )  # fmt: skip
 
-    def _scene_of(self, frame: Frame) -> _Scene:
-        height, width = frame.image.shape[:2]
-        key = (frame.id.stream, frame.id.epoch, width, height)
-        if self._scene is None or key != self._scene.key:
-            views = Views((width, height), (self._model.width, self._model.height))
-            self._scene = _Scene(
-                key, WorkSize.of_frame(width, height, self._settings.work_width_px), views,
-                Attention(views), Between(self._settings.carry_s), EgoMotion(), CameraPath(),
-            )  # fmt: skip
-        return self._scene
+    def _begin(self, size: WorkSize) -> _People:
+        views = Views(
+            (size.frame_width, size.frame_height), (self._model.width, self._model.height)
+        )
+        return _People(
+            views, Attention(views), Between(self._settings.bridge_s), EgoMotion(), CameraPath()
+        )
 
-    def _ego_motion(self, scene: _Scene, frame: Frame, feedback: Tracks | None) -> MotionEstimate:
+    def _ego_motion(
+        self, scene: Scene[_People], frame: Frame, feedback: Tracks | None
+    ) -> MotionEstimate:
         small = smoothed(scene.size.shrink(frame.image), self._settings.blur_px)
         grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
-        return scene.ego.update(grey, free_mask(feedback, frame.id, scene.size))
+        return scene.state.ego.update(grey, free_mask(feedback, frame.id, scene.size))
 
-    def _look(self, image: NDArray[np.uint8], scene: _Scene, parts: Sequence[View]) -> Detections:
+    def _look(self, image: NDArray[np.uint8], views: Views, parts: Sequence[View]) -> Detections:
         looks = self._budget.choose(len(parts))
         found, whole_ms = nobody(), None
         if looks.whole:
-            found, whole_ms = self._timed(image, scene.views, scene.views.whole)
+            found, whole_ms = self._timed(image, views, views.whole)
         parts_ms = []
         for part in parts[: looks.parts]:
-            close, part_ms = self._timed(image, scene.views, part)
+            close, part_ms = self._timed(image, views, part)
             found = together(found, close, part)
             parts_ms.append(part_ms)
         self._budget.spent(whole_ms, parts_ms)
@@ -133,25 +136,3 @@ class NeuralDetector:
         if self._clock is None:
             return found, 0.0
         return found, 1e3 * (self._clock() - started_s)
-
-    def _message(
-        self, frame: Frame, scene: _Scene, people: Sequence[Seen], motion: MotionEstimate
-    ) -> Blobs:
-        return Blobs(
-            **frame.id.model_dump(include=set(FrameId.model_fields)),
-            width=scene.size.frame_width,
-            height=scene.size.frame_height,
-            source_width=frame.source_size[0],
-            source_height=frame.source_size[1],
-            blobs=person_blobs(people[:MAX_BLOBS], frame.image),
-            blobs_left_out=max(0, len(people) - MAX_BLOBS),
-            kind="people",
-            camera_motion=camera_motion(motion, scene.size),
-            detector="onnx",
-        )
-
-
-def _of_scene(tracks: Tracks | None, key: SceneKey) -> Tracks | None:
-    if tracks is None or (tracks.stream, tracks.epoch, tracks.width, tracks.height) != key:
-        return None
-    return tracks

@@ -2,47 +2,27 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
 
 from heel.schemas import FrameId, Tracks
 from heel.schemas.base import BoxXyxy
-from heel.services.detector.camera_motion import Affine, compose, moved_box
-from heel.services.detector.free_mask import shift_s
+from heel.services.detector.camera_motion import Affine, CameraPath, moved_box
+from heel.services.detector.feedback import shift_s
 from heel.services.detector.neural.attention import Expected
 from heel.services.detector.neural.between import Seen
 from heel.services.geometry.boxes import iou_matrix
 
 _SAME_IOU = 0.3
-_REMEMBERED_FRAMES = 64
-
-
-class CameraPath:
-    """The motion of the camera over the last frames, frame pixels."""
-
-    def __init__(self) -> None:
-        self._steps: deque[tuple[int, Affine]] = deque(maxlen=_REMEMBERED_FRAMES)
-
-    def add(self, seq: int, step: Affine) -> None:
-        """Motion from the frame before to frame `seq`."""
-        self._steps.append((seq, step))
-
-    def since(self, seq: int) -> Affine:
-        """Motion from frame `seq` to the newest."""
-        total: Affine = np.eye(2, 3)
-        for frame, step in self._steps:
-            if frame > seq:
-                total = compose(step, total)
-        return total
 
 
 def confirmed_people(tracks: Tracks | None, frame: FrameId, camera: CameraPath) -> list[Expected]:
     """People with an identity, moved on from the tracks' frame to this one."""
-    if tracks is None:
+    motion = None if tracks is None else camera.since(tracks.seq)
+    if tracks is None or motion is None:
         return []
-    elapsed_s, motion = shift_s(tracks, frame), camera.since(tracks.seq)
+    elapsed_s = shift_s(tracks, frame)
     people = []
     for track in tracks.tracks:
         if track.state == "new":

@@ -8,23 +8,33 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from heel.schemas import Blob, Blobs
 from heel.schemas.base import BoxXyxy
 from heel.services.detector.camera_motion import EgoMotion, MotionEstimate
-from heel.services.detector.pointed.contrast import most_contrast
-from heel.services.detector.pointed.evidence import Evidence
-from heel.services.detector.pointed.outline import outline_box
-from heel.services.detector.pointed.person import Person, Sighting
-from heel.services.detector.pointed.upright import looks_upright
+from heel.services.detector.interface import Frame
+from heel.services.detector.messages import blobs_message, person_blobs
+from heel.services.detector.pointed.finding import looks_upright, most_contrast, outline_box
+from heel.services.detector.pointed.person import PointedPerson, Sighting
+from heel.services.detector.pointed.proof import Proof
+from heel.services.detector.work_size import WorkSize
 
+NAME = "pointed"
 _FORGET_S = 30.0
+"""A person that was not seen for so long is given up; chosen by hand."""
 _PENDING_S = 5.0
 """Time for which a place without evidence is watched; users were told to wait for so long."""
 _MARGIN = 0.1
 """Of a box, left out of the camera's motion, heights."""
+_BEST_SCORE = 0.95
+"""Of a person that is proven; chosen by hand."""
+_UNPROVEN_SCORE = 0.6
+"""Of what may be a thing; chosen by hand."""
+_DOUBTED_SCORE = 0.5
+"""Of what may be another person; chosen by hand."""
 
 
 class PointedAt:
-    """Looks for one person: whoever was pointed at last.
+    """Looks for one person: the one pointed at last.
 
     Attributes:
         count: of the people looked for so far.
@@ -33,27 +43,27 @@ class PointedAt:
     def __init__(self) -> None:
         """Nobody was pointed at yet."""
         self.count = 0
-        self._person: Person | None = None
-        self._evidence = Evidence()
+        self._person: PointedPerson | None = None
+        self._proof = Proof()
         self._shown = False
         self._pending_s = 0.0
         self._ego = EgoMotion()
         self._last_ns: int | None = None
 
     @property
-    def somebody(self) -> bool:
-        """Whether somebody is being looked for, or may be there."""
+    def is_looking(self) -> bool:
+        """Whether a person is being looked for, or may be there."""
         return self._person is not None
 
     def point(self, smooth: NDArray[np.uint8], x_px: float, y_px: float) -> bool:
-        """Look for whoever is at a point from now on; False where nobody's shape is.
+        """Look for the person at a point from now on; False where nothing has the shape of one.
 
         Args:
             smooth: (H, W, 3) uint8 BGR at working size, as the next `look` gets it.
             x_px, y_px: working pixels.
         """
         if self._person is not None and _holds(self._person.box_xyxy, x_px, y_px):
-            # They are watched already: what has been seen of them so far goes on counting.
+            # It is watched already: what has been seen of it so far goes on counting.
             self._pending_s = 0.0
             return True
         contrast = most_contrast(smooth, x_px, y_px)
@@ -63,13 +73,13 @@ class PointedAt:
             self._ego, self._last_ns = EgoMotion(), None
         self.count += 1
         box = outline_box(smooth, contrast.box_xyxy)
-        self._person = Person(box, smooth.shape[0])
-        self._evidence, self._pending_s = Evidence(), 0.0
+        self._person = PointedPerson(box, smooth.shape[0])
+        self._proof, self._pending_s = Proof(), 0.0
         self._shown = looks_upright(smooth, contrast, box)
         return True
 
     def look(self, smooth: NDArray[np.uint8], t_ns: int) -> tuple[Sighting | None, MotionEstimate]:
-        """Where they are in this frame if they are seen, and how the camera has moved.
+        """Where the person is in this frame if it is seen, and how the camera has moved.
 
         Args:
             smooth: (H, W, 3) uint8 BGR at working size; kept, not to be written to afterwards.
@@ -82,18 +92,18 @@ class PointedAt:
         free = self._free(self._person, grey.shape)
         motion = self._ego.update(grey, free)
         sighting = self._person.look(smooth, motion.affine, dt_s)
-        if not self._evidence.proves:
-            self._evidence.look(grey, self._person.box_xyxy, free, t_ns * 1e-9)
+        if not self._proof.proves:
+            self._proof.look(grey, self._person.box_xyxy, free, t_ns * 1e-9)
         self._pending_s += dt_s
-        self._shown = self._shown or self._evidence.proves
+        self._shown = self._shown or self._proof.proves
         if self._person.missed_s > _FORGET_S or (not self._shown and self._pending_s > _PENDING_S):
             self._person = None
         if sighting is None or not self._shown:
             return None, motion
-        return replace(sighting, proven=self._evidence.proves), motion
+        return replace(sighting, proven=self._proof.proves), motion
 
     @staticmethod
-    def _free(person: Person, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    def _free(person: PointedPerson, shape: tuple[int, ...]) -> NDArray[np.uint8]:
         """Where nobody is, as `estimate_motion` takes it."""
         free = np.full(shape[:2], 255, np.uint8)
         left, top, right, bottom = person.box_xyxy
@@ -105,3 +115,27 @@ class PointedAt:
 
 def _holds(box: BoxXyxy, x: float, y: float) -> bool:
     return box[0] <= x <= box[2] and box[1] <= y <= box[3]
+
+
+def people_message(
+    frame: Frame, size: WorkSize, sighting: Sighting | None, motion: MotionEstimate, count: int
+) -> Blobs:
+    """Blobs of kind `people`; the score is how alike the person looks to itself before.
+
+    It goes no higher than such boxes are trusted. How often boxes of which score are on people,
+    benchmarks/empty_clicks.py prints.
+
+    Args:
+        frame: the frame.
+        size: its size and working size.
+        sighting: of the person in it, None if it is not seen.
+        motion: of the camera, working pixels.
+        count: number of the person among those pointed at.
+    """
+    blobs: list[Blob] = []
+    if sighting is not None:
+        most = _BEST_SCORE if sighting.proven else _UNPROVEN_SCORE
+        score = _DOUBTED_SCORE if sighting.doubted else min(most, sighting.likeness)
+        box = size.box_to_frame(sighting.box_xyxy)
+        blobs = person_blobs([(box, score)], frame.image, proven=sighting.proven)
+    return blobs_message(frame, size, NAME, blobs, motion, kind="people", sought=count)

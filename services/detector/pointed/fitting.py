@@ -1,4 +1,7 @@
-"""Where a silhouette of whichever size fits best on a map of likeness."""
+"""Where a silhouette fits on a map of likeness: near by, where it ends, and in the whole picture.
+
+Lengths are heights of the person, unless they say otherwise.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +10,74 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from heel.services.detector.pointed.silhouette import FloatMap, Place, silhouette
-from heel.services.detector.pointed.view import PERSON_PX
+from heel.services.detector.pointed.colours import StripColours, colour_bins
+from heel.services.detector.pointed.distance import Stance
+from heel.services.detector.pointed.silhouette import (
+    ASPECT,
+    PERSON_PX,
+    STRIPS,
+    FloatMap,
+    Place,
+    silhouette,
+    view_around,
+)
 
 _FACTORS = (0.9, 0.95, 1.0, 1.05, 1.1)
-_ASIDE, _GROWTH, _OFF_STANCE, _PENALTY = 0.15, 0.06, 0.05, 0.02
-"""How far from where they should be, heights, from the size they should have, ln, and from where
-somebody of that size stands, heights, costs so much likeness."""
+"""Sizes tried, of the size that the person should have."""
+_ASIDE = 0.15
+"""So far from where the person should be costs as much likeness as `_PENALTY` says."""
+_GROWTH = 0.06
+"""And so far from the size that it should have, ln."""
+_OFF_STANCE = 0.05
+"""And so far from where a person of that size stands."""
+_PENALTY = 0.02
+"""Likeness; chosen by hand."""
+
+_BAND = 0.42
+"""Columns looked at on either side for the ends of the body, box widths."""
+_BODY = 0.2
+"""Likeness of a pixel of the body; chosen by hand."""
+_LEAST_BODY = 0.1
+"""How much of the width of the box such pixels have to fill in a row."""
+_SHADOW_REACH = 0.3
+"""To either side: where shadows on the floor are told by their width."""
+_SHADOW = 0.8
+"""More of the row than this share is a shadow on the floor."""
+_LOW = 0.3
+"""Below the hip where shadows are looked for."""
+_IN_SHADOW = 0.06
+"""How far feet stand in them."""
+_GAP = 0.04
+"""A gap as long ends the body."""
+_SHORTEST = 0.35
+"""Least length from the hip up or down."""
+_LONGEST = 0.95
+"""Largest length from the hip up or down."""
+_LEAST_CUT = 0.2
+"""Least length from the hip to the border of the picture that cuts the body."""
+
+_SIZES = np.exp(np.arange(-0.9, 0.61, 0.15))
+"""Tried in the whole picture, of the size that the person had."""
+_LOWEST = 0.12
+"""Least height that is tried at all, picture heights."""
+_HIGHEST = 1.8
+"""Largest height that is tried at all, picture heights."""
+_ROWS = 88
+"""Of the views that are searched, pixels."""
+_OFF_ROWS = 3
+"""A person stands no farther than this from where one of its size stands, view pixels."""
+_CLEAR = 0.85
+"""A second place has to be less like the person than this share of the best."""
+_ELSEWHERE = 0.6
+"""Places farther apart than this are two."""
+_LEAST_INSIDE = 0.5
+"""Share of the body in the picture."""
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class SilhouetteFit:
     """The best place and its score."""
 
     place: Place
@@ -43,17 +102,19 @@ def strip_scores(likeness: list[FloatMap], height: int) -> FloatMap:
     return total
 
 
-def best_fit(likeness: list[FloatMap], aim: tuple[float, float, float], slack: float) -> Fit:
+def best_fit(
+    likeness: list[FloatMap], aim: tuple[float, float, float], slack: float
+) -> SilhouetteFit:
     """The place that explains the likeness best, near where the person should be.
 
     Args:
         likeness: by strip, (H, W) float32 in [-1, 1].
-        aim: expected column and row of the middle of somebody `PERSON_PX` high, and the row of
+        aim: expected column and row of the middle of a person `PERSON_PX` high, and the row of
             the horizon, pixels.
         slack: 1, or more the longer nothing was seen.
     """
     column, row, horizon = aim
-    best = Fit(Place(0, 0, PERSON_PX), -math.inf)
+    best = SilhouetteFit(Place(0, 0, PERSON_PX), -math.inf)
     for factor in _FACTORS:
         height = round(PERSON_PX * factor)
         scores = strip_scores(likeness, height)
@@ -67,7 +128,7 @@ def best_fit(likeness: list[FloatMap], aim: tuple[float, float, float], slack: f
         )
         at_row, at_column = divmod(int(scores.argmax()), scores.shape[1])
         if scores[at_row, at_column] > best.score:
-            best = Fit(Place(at_row, at_column, height), float(scores[at_row, at_column]))
+            best = SilhouetteFit(Place(at_row, at_column, height), float(scores[at_row, at_column]))
     return best
 
 
@@ -86,3 +147,150 @@ def share_inside(inside: FloatMap, place: Place) -> float:
     """Share of the body there that the picture shows."""
     cover = silhouette(place.height).cover
     return float((cover * inside[place.span]).sum() / cover.sum())
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """Where a person ends: the row, or the picture's last before they do."""
+
+    row: float
+    cut: bool
+
+
+def extent(
+    likeness: list[FloatMap], inside: FloatMap, place: Place
+) -> tuple[End | None, End | None]:
+    """Upper and lower end of the person's colours about the middle of the box, None if not told.
+
+    Args:
+        likeness: by strip, (H, W) float32 in [-1, 1].
+        inside: (H, W) float32, 1 inside the picture, else 0.
+        place: where the template fits best.
+    """
+    shape = silhouette(place.height)
+    body = _body(likeness, place.row + shape.centre[1])
+    middle, half = place.column + shape.centre[0], max(2, round(_BAND * ASPECT * place.height))
+    columns = slice(max(0, middle - half), middle + half + 1)
+    count = (body[:, columns] > _BODY).sum(axis=1)
+    solid = count >= max(1.0, _LEAST_BODY * ASPECT * place.height)
+    reach = round(_SHADOW_REACH * place.height)
+    around = slice(max(0, middle - reach), middle + reach + 1)
+    shadow = (body[:, around] > _BODY).mean(axis=1) > _SHADOW
+    hip = place.row + shape.centre[1]
+    visible = inside[:, min(max(0, middle), inside.shape[1] - 1)] > 0.0
+    up = _rows_until_gap(solid[: hip + 1][::-1], visible[: hip + 1][::-1], place.height)
+    low = round(_LOW * place.height)
+    floor = np.flatnonzero(shadow[hip + low :])
+    standing = solid[hip:].copy()
+    if floor.size:
+        standing[low + int(floor[0]) + round(_IN_SHADOW * place.height) :] = False
+    down = _rows_until_gap(standing, visible[hip:], place.height)
+    return (
+        None if up is None else End(hip - up.row + 1.0, up.cut),
+        None if down is None else End(hip + down.row, down.cut),
+    )
+
+
+def _body(likeness: list[FloatMap], hip: int) -> FloatMap:
+    """Likeness to any strip of the upper body above the hip, of the lower body below it."""
+    upper = np.maximum.reduce(likeness[: STRIPS // 2])[:hip]
+    return np.vstack([upper, np.maximum.reduce(likeness[STRIPS // 2 :])[hip:]])
+
+
+def _rows_until_gap(
+    solid: NDArray[np.bool_], visible: NDArray[np.bool_], height: int
+) -> End | None:
+    """How many rows go on until a gap or the picture's border; None where that is no person's."""
+    gap, reach = max(1, round(_GAP * height)), round(_LONGEST * height)
+    end = 0
+    for row in range(len(solid)):
+        if not visible[row]:
+            leaves = row - end <= 1 and row > _LEAST_CUT * height
+            return End(float(row), cut=True) if leaves else None
+        if row > reach:
+            return None
+        if solid[row]:
+            end = row + 1
+        elif row >= end + gap:
+            break
+    return End(float(end), cut=False) if end > _SHORTEST * height else None
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A place: how much it stands out from what is around, how like the person it is, and where."""
+
+    score: float
+    likeness: float
+    x: float
+    height: float
+
+
+def alike(
+    image: NDArray[np.uint8], colours: StripColours, stance: Stance, height: float
+) -> list[Found]:
+    """Every place in the picture that may be the person's, pixels.
+
+    Args:
+        image: (H, W, 3) uint8 BGR.
+        colours: of the person.
+        stance: where people of which height stand.
+        height: the one that it had.
+    """
+    rows, columns = image.shape[:2]
+    places: list[Found] = []
+    for tried in (height * _SIZES).tolist():
+        if not _LOWEST * rows < tried < _HIGHEST * rows:
+            continue
+        size = math.ceil(columns * PERSON_PX / tried) + 2 * PERSON_PX, _ROWS
+        view = view_around(image, 0.5 * columns, stance.centre(tried), tried, size)
+        likeness = [layer * view.inside for layer in colours.likeness(colour_bins(view.image))]
+        scores = strip_scores(likeness, PERSON_PX)
+        first = _ROWS // 2 - silhouette(PERSON_PX).centre[1]
+        band = scores[max(0, first - _OFF_ROWS) : first + _OFF_ROWS + 1]
+        for column in _peaks(band.max(axis=0)):
+            place = Place(
+                max(0, first - _OFF_ROWS) + int(band[:, column].argmax()), column, PERSON_PX
+            )
+            inside = share_inside(view.inside, place)
+            if inside >= _LEAST_INSIDE:
+                x = view.to_picture(place.middle[0], 0.0)[0]
+                like = likeness_at(likeness, place) / inside
+                score = float(scores[place.row, place.column]) / inside
+                places.append(Found(score, like, x, tried))
+    return places
+
+
+def _peaks(scores: NDArray[np.float32], most: int = 3) -> list[int]:
+    """Columns of the highest values, a body apart from each other."""
+    left = scores.copy()
+    peaks = []
+    for _ in range(most):
+        column = int(left.argmax())
+        if not math.isfinite(left[column]):
+            break
+        peaks.append(column)
+        left[max(0, column - PERSON_PX // 3) : column + PERSON_PX // 3 + 1] = -math.inf
+    return peaks
+
+
+def clearest(places: list[Found], least: float) -> Found | None:
+    """The one place that is like the person; None for none, or two.
+
+    Args:
+        places: of `alike`.
+        least: mean likeness of its body.
+    """
+    if not places:
+        return None
+    best = max(places, key=lambda one: one.score)
+    apart = [one for one in places if elsewhere(one, best.x, best.height)]
+    second = max((one.score for one in apart), default=0.0)
+    if best.likeness < least or second > _CLEAR * best.score:
+        return None
+    return best
+
+
+def elsewhere(place: Found, x: float, height: float) -> bool:
+    """Whether it is beside a person so high in that column."""
+    return abs(place.x - x) > _ELSEWHERE * min(place.height, height)

@@ -1,4 +1,4 @@
-"""One person, found again in each frame by the colours of their clothes."""
+"""One person, found again in each frame by the colours of the clothes."""
 
 from __future__ import annotations
 
@@ -10,45 +10,81 @@ from numpy.typing import NDArray
 
 from heel.schemas.base import BoxXyxy
 from heel.services.detector.camera_motion import Affine, moved_box
-from heel.services.detector.pointed.colours import StripColours, colour_bins
-from heel.services.detector.pointed.doubt import Doubt
-from heel.services.detector.pointed.exposure import Exposure
-from heel.services.detector.pointed.extent import End, extent
-from heel.services.detector.pointed.fitting import Fit, best_fit, likeness_at, share_inside
-from heel.services.detector.pointed.search import Found, alike, clearest, elsewhere
-from heel.services.detector.pointed.silhouette import ASPECT, FloatMap, Place, silhouette
-from heel.services.detector.pointed.stance import Stance
-from heel.services.detector.pointed.view import PERSON_PX, View, view_around
+from heel.services.detector.pointed.colours import Exposure, StripColours, colour_bins
+from heel.services.detector.pointed.distance import Doubt, Stance
+from heel.services.detector.pointed.fitting import (
+    End,
+    Found,
+    SilhouetteFit,
+    alike,
+    best_fit,
+    clearest,
+    elsewhere,
+    extent,
+    likeness_at,
+    share_inside,
+)
+from heel.services.detector.pointed.silhouette import (
+    ASPECT,
+    PERSON_PX,
+    FloatMap,
+    PersonView,
+    Place,
+    silhouette,
+    view_around,
+)
 
 _VIEW = (134, 112)
+"""Columns and rows of what is looked at around the person, view pixels."""
 _LEAST_IN_VIEW = 0.35
-_SEEN, _GOOD, _FOUND = 0.55, 0.8, 0.75
-"""Of the usual likeness: seen at all, well enough to learn from, and after a time out of sight."""
+"""Share of the body in the picture; chosen by hand."""
+_SEEN = 0.55
+"""Share of the usual likeness at which the person is seen at all; chosen by hand."""
+_GOOD = 0.8
+"""Share at which it is seen well enough to learn from; chosen by hand."""
+_FOUND = 0.75
+"""Share at which it is found after a time out of sight; chosen by hand."""
 _LEAST_LIKENESS = 0.12
-_PERSON_RATE, _BESIDE_RATE, _USUAL_RATE = 0.02, 0.2, 0.03
-"""What is learned a frame: clothes change slowly, what one walks past does not."""
-_HEIGHT_GAIN, _GROWTH_GAIN, _GROWTH_MEMORY_S = 0.25, 0.1, 0.5
+"""The usual likeness is taken for no less: nothing stands out from its like."""
+_PERSON_RATE = 0.02
+"""Share of the person's colours that is learned a frame: clothes change slowly."""
+_BESIDE_RATE = 0.2
+"""Share of the colours beside it: what one walks past changes at once."""
+_USUAL_RATE = 0.03
+"""Share of the likeness that is learned a frame; chosen by hand."""
+_HEIGHT_GAIN = 0.25
+"""Share of a change of size that is believed at once; chosen by hand."""
+_GROWTH_GAIN = 0.1
+"""Share of a growth that goes on; chosen by hand."""
+_GROWTH_MEMORY_S = 0.5
+"""Time in which growth fades; chosen by hand."""
 _SPEED_MEMORY_S = 0.2
+"""Time over which speed is averaged; chosen by hand."""
+_UNSEEN_MEMORY_S = 0.5
+"""Time out of sight in which the speed is believed less and less; chosen by hand."""
 _FIRST_FRAMES = 15
-"""In which somebody's first look is learned."""
+"""In which the person's first appearance is learned."""
 _BOX_WIDTH = 0.8
-"""Of what is told as the box, templates' widths: these leave room for arms."""
-_EXTENT_GAIN, _LARGEST_CORRECTION = 0.4, 0.06
+"""Of the box that is reported, templates' widths: these leave room for arms."""
+_EXTENT_GAIN = 0.4
 """Share of a difference to where the colours end by which the height is corrected a frame."""
-_LOST_S, _GAP_S = 0.4, 0.3
-"""Somebody missed for longer, or not looked for because there was no picture, is looked for
-everywhere."""
+_LARGEST_CORRECTION = 0.06
+"""Of the height in a frame, ln; chosen by hand."""
+_LOST_S = 0.4
+"""A person missed for longer is looked for in the whole picture."""
+_GAP_S = 0.3
+"""And so is one that was not looked for because there was no picture for so long."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Where somebody is seen.
+    """Where the person is seen.
 
     Attributes:
         box_xyxy: working pixels.
         likeness: share of the usual likeness, 1 as ever.
         in_view: share of the body inside the picture.
-        doubted: whether it may be somebody else who looks alike.
+        doubted: whether it may be another person who looks alike.
         proven: whether it is known to be a person.
     """
 
@@ -59,8 +95,8 @@ class Sighting:
     proven: bool = False
 
 
-class Person:
-    """Somebody known, from the first frame in which they were."""
+class PointedPerson:
+    """A person, known since the frame in which it was pointed at."""
 
     def __init__(self, box: BoxXyxy, rows: int) -> None:
         """Begin with a box, and pictures of so many rows, working pixels."""
@@ -79,12 +115,12 @@ class Person:
 
     @property
     def box_xyxy(self) -> BoxXyxy:
-        """Where they should be, working pixels."""
+        """Where the person should be, working pixels."""
         down, across = 0.5 * self._height, 0.5 * ASPECT * self._height
         return (self._x - across, self._y - down, self._x + across, self._y + down)
 
     def look(self, image: NDArray[np.uint8], camera: Affine, dt_s: float) -> Sighting | None:
-        """Where they are in the next frame; None if they are not seen.
+        """Where the person is in the next frame; None if it is not seen.
 
         Args:
             image: (H, W, 3) uint8 BGR at working size.
@@ -113,7 +149,12 @@ class Person:
         return sighting
 
     def _judge(
-        self, bins: NDArray[np.int32], likeness: list[FloatMap], fit: Fit, view: View, dt_s: float
+        self,
+        bins: NDArray[np.int32],
+        likeness: list[FloatMap],
+        fit: SilhouetteFit,
+        view: PersonView,
+        dt_s: float,
     ) -> Sighting | None:
         within = share_inside(view.inside, fit.place)
         like = likeness_at(likeness, fit.place) / max(within, _LEAST_IN_VIEW)
@@ -136,11 +177,11 @@ class Person:
         self.missed_s = 0.0
         return Sighting(self._shown(view), share, within)
 
-    def _shown(self, view: View) -> BoxXyxy:
-        """The box as it is told: without room for arms, and never farther than they may be.
+    def _shown(self, view: PersonView) -> BoxXyxy:
+        """The box that is reported: without room for arms, and never farther than it may be.
 
         Close to the camera head and feet are both beyond the border, and the feet at times believed
-        to be above it (0.78 m away they were taken for 1.3 m): there is no room for both inside.
+        to be above it, which makes the person farther: there is no room for both inside.
         """
         left, top, right, bottom = self.box_xyxy
         narrower = 0.5 * (right - left) * (1.0 - _BOX_WIDTH)
@@ -150,7 +191,7 @@ class Person:
 
     def _predict(self, camera: Affine, dt_s: float) -> None:
         left, top, right, bottom = moved_box(self.box_xyxy, camera)
-        damping = math.exp(-self.missed_s / 0.5)
+        damping = math.exp(-self.missed_s / _UNSEEN_MEMORY_S)
         self._x = 0.5 * (left + right) + self._speed_px_s * dt_s * damping
         self._growth *= math.exp(-dt_s / _GROWTH_MEMORY_S)
         if self.missed_s == 0.0:
@@ -158,20 +199,20 @@ class Person:
         self._y = self._stance.centre(self._height)
         self._expected_x = self._x
 
-    def _aim(self, view: View) -> tuple[float, float, float]:
+    def _aim(self, view: PersonView) -> tuple[float, float, float]:
         """Expected column and row of the middle, and the horizon's row, in the view."""
         horizon = (self._stance.horizon - view.top) * view.scale
         return 0.5 * _VIEW[0], 0.5 * _VIEW[1], horizon
 
     def _search(self, image: NDArray[np.uint8]) -> bool:
-        """Begin where they look like themselves, if there is one such place, and only one."""
+        """Begin where something looks like the person, if there is one such place, and only one."""
         found = clearest(self._alike(image), self._least(_FOUND))
         if found is not None:
             self._be_at(found)
         return found is not None
 
     def _go_back(self, image: NDArray[np.uint8]) -> None:
-        """Be where somebody alike is as near as they were: another one is in front."""
+        """Be where something alike is as near as the person was: another one is in front."""
         places = [
             place
             for place in self._alike(image)
@@ -194,13 +235,13 @@ class Person:
         self._y = self._stance.centre(self._height)
         self._speed_px_s = self._growth = 0.0
 
-    def _begin(self, bins: NDArray[np.int32], view: View) -> None:
+    def _begin(self, bins: NDArray[np.int32], view: PersonView) -> None:
         centre = silhouette(PERSON_PX).centre
         place = Place(_VIEW[1] // 2 - centre[1], _VIEW[0] // 2 - centre[0], PERSON_PX)
         self._learn(bins, view.inside, place, 1.0, 1.0)
         self._colours.keep()
 
-    def _move_to(self, place: Place, view: View, dt_s: float) -> None:
+    def _move_to(self, place: Place, view: PersonView, dt_s: float) -> None:
         column, row = place.middle
         x, y = view.to_picture(column, row)
         grown = math.log(place.height / PERSON_PX)
@@ -211,8 +252,8 @@ class Person:
         self._x, self._y = x, y
         self._height *= math.exp(_HEIGHT_GAIN * grown)
 
-    def _correct_height(self, likeness: list[FloatMap], place: Place, view: View) -> None:
-        """Let the box end where their colours do: strips alone let its size drift."""
+    def _correct_height(self, likeness: list[FloatMap], place: Place, view: PersonView) -> None:
+        """Let the box end where the colours do: strips alone let its size drift."""
         head, feet = extent(likeness, view.inside, place)
         least = self._stance.least_height(_row(head, view, cut=True), _row(feet, view, cut=True))
         told = self._stance.height(_row(head, view, cut=False), _row(feet, view, cut=False))
@@ -241,6 +282,6 @@ class Person:
         self._colours.learn(bins, cover, spans, person_rate, beside_rate)
 
 
-def _row(end: End | None, view: View, cut: bool) -> float | None:
+def _row(end: End | None, view: PersonView, cut: bool) -> float | None:
     """Row in the picture of an end of the body, if it is of this kind."""
     return view.to_picture(0.0, end.row)[1] if end is not None and end.cut == cut else None

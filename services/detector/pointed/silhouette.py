@@ -1,4 +1,4 @@
-"""A standing person as a soft silhouette, cut into strips from head to foot."""
+"""A standing person as a soft silhouette, in strips from head to foot, and views to lay it on."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 FloatMap = NDArray[np.float32]
 
 STRIPS = 6
+"""From head to foot; chosen by hand."""
 ASPECT = 0.4
 """Width by height of the box."""
+PERSON_PX = 56
+"""Height of a person in a view, pixels."""
 _AROUND = 1.7
 """Width of the template, boxes: what stands out beside the body is no part of it."""
 _ABOVE = 0.12
@@ -88,7 +92,7 @@ class Place:
 
 @lru_cache(maxsize=256)
 def silhouette(height_px: int) -> Silhouette:
-    """Of somebody so high, at least 8 px. Weights inside sum to 1, those beside to -1."""
+    """Of a person so high, at least 8 px. Weights inside sum to 1, those beside to -1."""
     width = ASPECT * height_px
     half = max(2, round(0.5 * _AROUND * width))
     above = max(1, round(_ABOVE * height_px))
@@ -103,3 +107,54 @@ def silhouette(height_px: int) -> Silhouette:
         Strip(first, np.ascontiguousarray(weights[first:last])) for first, last in pairwise(edges)
     )
     return Silhouette(strips, cover.astype(np.float32), (half, above + height_px // 2))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PersonView:
+    """What is around a place in a picture.
+
+    Attributes:
+        image: (H, W, 3) uint8 BGR.
+        inside: (H, W) float32, 1 where it shows the picture, 0 beyond its border.
+        scale: view pixels per picture pixel.
+        left, top: of its corner in the picture, picture pixels.
+        picture_rows: height of the picture.
+    """
+
+    image: NDArray[np.uint8]
+    inside: FloatMap
+    scale: float
+    left: float
+    top: float
+    picture_rows: int
+
+    def to_picture(self, column: float, row: float) -> tuple[float, float]:
+        """x and y in the picture."""
+        return self.left + column / self.scale, self.top + row / self.scale
+
+
+def view_around(
+    image: NDArray[np.uint8], x: float, y: float, person_height: float, size: tuple[int, int]
+) -> PersonView:
+    """The view of so many columns and rows about a point, for people of that height, pixels."""
+    scale = PERSON_PX / person_height
+    columns, rows = size
+    left, top = x - 0.5 * columns / scale, y - 0.5 * rows / scale
+    view = scaled_part(image, left, top, scale, size)
+    inside = np.zeros((rows, columns), np.float32)
+    first_row, first = max(0, round(-scale * top)), max(0, round(-scale * left))
+    last_row = min(rows, round(scale * (image.shape[0] - top)))
+    last = min(columns, round(scale * (image.shape[1] - left)))
+    inside[first_row : max(first_row, last_row), first : max(first, last)] = 1.0
+    return PersonView(view, inside, scale, left, top, image.shape[0])
+
+
+def scaled_part(
+    image: NDArray[np.uint8], left: float, top: float, scale: float, size: tuple[int, int]
+) -> NDArray[np.uint8]:
+    """So many columns and rows from a corner on, enlarged; beyond the border its pixels go on."""
+    # Pixel centres: the affine maps corners of pixels.
+    affine = np.array([[scale, 0.0, -scale * left + 0.5 * scale - 0.5],
+                       [0.0, scale, -scale * top + 0.5 * scale - 0.5]])  # fmt: skip
+    part = cv2.warpAffine(image, affine, size, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(part, np.uint8)

@@ -156,7 +156,7 @@ def test_largest_blobs_are_kept_and_the_rest_is_counted() -> None:
 @pytest.mark.parametrize("preset", ["default", "paper"])
 def test_noise_everywhere_stays_under_the_message_cap(preset: str) -> None:
     settings = DetectorSettings.model_validate(
-        {"preset": preset, "work_width_px": 1024, "blur_px": 0, "min_blob_area_px": 1}
+        {"preset": preset, "work_width_px": 1024, "blur_px": 0}
     )
     detector = Detector(settings)
     noise = np.random.default_rng(7)

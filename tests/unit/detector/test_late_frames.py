@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from heel.schemas import Tracks
-from heel.services.detector.free_mask import free_mask
-from heel.services.detector.geometry import WorkSize
-from heel.services.detector.mixture.late import LateFrames
+from heel.services.detector.background.learning import LateFrames
+from heel.services.detector.feedback import free_mask
+from heel.services.detector.work_size import WorkSize
 from tests.unit.detector.drawn_scene import HEIGHT, WIDTH, Person, frame_id, tracks_of
 
 SIZE = WorkSize.of_frame(WIDTH, HEIGHT, 480)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from heel.services.detector.core import Detector
-from heel.services.detector.geometry import WorkSize
-from heel.services.detector.mog2.protection import Protection
+from heel.services.detector.mog2 import Protection
 from heel.services.detector.settings import DetectorSettings
+from heel.services.detector.work_size import WorkSize
 from tests.unit.detector.drawn_scene import (
     HEIGHT,
     WIDTH,
@@ -57,6 +57,6 @@ def test_only_confirmed_people_who_move_are_kept_out_of_the_background(
 def test_protection_moves_ahead_with_the_person() -> None:
     protection = Protection(WorkSize.of_frame(WIDTH, HEIGHT, 480), 0.1, 10.0)
     feedback = tracks_of(28, [(20, 60, 40, 120)], velocity_pxps=(400.0, 0.0))
-    mask = protection.mask(feedback, frame_id(30).t_capture_ns)
+    mask = protection.mask(feedback, frame_id(30))
     assert mask[100, 120]
     assert not mask[100, 40]

@@ -10,11 +10,10 @@ import pytest
 
 from heel.schemas import Blobs, SettingsError, encode
 from heel.schemas.blobs import MAX_BLOBS
-from heel.services.detector import interface
+from heel.services.detector import plugins
 from heel.services.detector.core import Detector
 from heel.services.detector.interface import Frame
-from heel.services.detector.neural.between import Seen
-from heel.services.detector.neural.packing import person_blobs
+from heel.services.detector.messages import person_blobs
 from heel.services.detector.settings import DetectorSettings
 from tests.unit.detector.drawn_networks import picture, red_finder
 from tests.unit.detector.drawn_scene import frame_id
@@ -55,8 +54,8 @@ def test_auto_uses_the_model_where_one_is_given(model: Path) -> None:
 
 @pytest.mark.parametrize("name", ["mixture", "mog2", "ego"])
 def test_a_background_takes_no_model(name: str, model: Path) -> None:
-    with pytest.raises(SettingsError, match="takes no model"):
-        Detector(DetectorSettings(detector=name, model=model))
+    with pytest.raises(SettingsError, match=f"model: detector {name} does not read it"):
+        DetectorSettings(detector=name, model=model)
 
 
 def test_the_network_without_a_model_asks_for_one() -> None:
@@ -66,9 +65,9 @@ def test_the_network_without_a_model_asks_for_one() -> None:
 
 def test_a_crowd_fits_into_a_message(model: Path) -> None:
     image = np.random.default_rng(1).integers(0, 256, (900, 1600, 3)).astype(np.uint8)
-    crowd = [Seen((8.0 * k, 100.0, 8.0 * k + 300.0, 800.0), 0.5) for k in range(MAX_BLOBS)]
+    crowd = [((8.0 * k, 100.0, 8.0 * k + 300.0, 800.0), 0.5) for k in range(MAX_BLOBS)]
     empty = play(DetectorSettings(model=model))[0]
-    message = empty.model_copy(update={"blobs": person_blobs(crowd, image)})
+    message = empty.model_copy(update={"blobs": tuple(person_blobs(crowd, image))})
     assert len(encode(message)) < Blobs.max_bytes
     assert min(blob.patch.height for blob in message.blobs) > 30
 
@@ -140,7 +139,7 @@ def added(monkeypatch: pytest.MonkeyPatch) -> None:
     def entries(group: str) -> list[Added]:
         return [Added(), Broken()] if group == "heel.detectors" else []
 
-    monkeypatch.setattr(interface, "entry_points", entries)
+    monkeypatch.setattr(plugins, "entry_points", entries)
 
 
 @pytest.mark.usefixtures("added")

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from heel.schemas import Blobs, Pointed
 from heel.services.detector.core import Detector
-from heel.services.detector.pointed.contrast import most_contrast
-from heel.services.detector.pointed.doubt import Doubt
-from heel.services.detector.pointed.exposure import Exposure
-from heel.services.detector.pointed.outline import outline_box
-from heel.services.detector.pointed.stance import Stance
+from heel.services.detector.pointed.colours import Exposure
+from heel.services.detector.pointed.distance import Doubt, Stance
+from heel.services.detector.pointed.finding import most_contrast, outline_box
 from heel.services.detector.settings import DetectorSettings
 from tests.unit.detector.drawn_scene import frame_id
 

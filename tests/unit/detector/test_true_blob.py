@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from heel.schemas.blobs import FOREGROUND, SHADOW
-from heel.services.detector.geometry import WorkSize
-from heel.services.detector.mog2.numbers import COMPOSITE, PAPER
-from heel.services.detector.mog2.true_blobs import find_regions
+from heel.services.detector.mog2 import COMPOSITE, PAPER, true_blobs
+from heel.services.detector.work_size import WorkSize
 
 PETS = WorkSize.of_frame(768, 576, 768)
 
@@ -25,20 +24,20 @@ def test_paper_threshold_is_a_hundredth_of_the_frame(width: int, height: int, tr
     evidence = np.zeros((576, 768), np.uint8)
     evidence[100 : 100 + height, 100 : 100 + width] = FOREGROUND
     numbers = replace(PAPER, open_px=(0, 0), close_px=(0, 0))
-    assert (len(find_regions(evidence, PETS, numbers)) == 1) is true
+    assert (len(true_blobs(evidence, PETS, numbers)) == 1) is true
 
 
 def test_shadow_is_no_person() -> None:
     evidence = np.full((576, 768), SHADOW, np.uint8)
-    assert find_regions(evidence, PETS, PAPER) == []
-    assert find_regions(evidence, PETS, COMPOSITE) == []
+    assert true_blobs(evidence, PETS, PAPER) == []
+    assert true_blobs(evidence, PETS, COMPOSITE) == []
 
 
 def test_opening_removes_what_is_thinner_than_its_kernel() -> None:
     evidence = np.zeros((576, 768), np.uint8)
     evidence[100:300, 100:200] = FOREGROUND
     evidence[150:152, 200:400] = FOREGROUND
-    (region,) = find_regions(evidence, PETS, PAPER)
+    (region,) = true_blobs(evidence, PETS, PAPER)
     assert region.left + region.width <= 202
 
 
@@ -46,7 +45,7 @@ def test_closing_joins_what_a_thin_gap_divides() -> None:
     evidence = np.zeros((576, 768), np.uint8)
     evidence[100:300, 100:200] = FOREGROUND
     evidence[200:203] = 0
-    assert len(find_regions(evidence, PETS, PAPER)) == 1
+    assert len(true_blobs(evidence, PETS, PAPER)) == 1
 
 
 @pytest.mark.parametrize(("gap_px", "filled"), [(10, True), (60, False)], ids=str)
@@ -55,4 +54,4 @@ def test_shadow_between_foreground_is_a_person_again(gap_px: int, filled: bool) 
     evidence[100:200, 100:200] = FOREGROUND
     evidence[200 : 200 + gap_px, 100:200] = SHADOW
     evidence[200 + gap_px : 400, 100:200] = FOREGROUND
-    assert (len(find_regions(evidence, PETS, COMPOSITE)) == 1) is filled
+    assert (len(true_blobs(evidence, PETS, COMPOSITE)) == 1) is filled

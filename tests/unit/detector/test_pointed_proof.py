@@ -10,8 +10,7 @@ import pytest
 from heel.schemas import Blobs, Pointed
 from heel.services.detector.camera_motion import estimate_turn
 from heel.services.detector.core import Detector
-from heel.services.detector.pointed.evidence import Evidence
-from heel.services.detector.pointed.movement import MovementWatch
+from heel.services.detector.pointed.proof import MovementWatch, Proof
 from heel.services.detector.settings import DetectorSettings
 from tests.unit.detector.drawn_scene import FPS, frame_id
 from tests.unit.detector.test_pointed import (
@@ -124,7 +123,7 @@ def test_who_walks_straight_away_is_proven_while_they_are_near() -> None:
 
 
 def test_something_small_that_walks_within_a_larger_box_is_not_who_is_in_it() -> None:
-    evidence, box = Evidence(), person_box(X, 240.0)
+    evidence, box = Proof(), person_box(X, 240.0)
     free = np.full((HEIGHT, WIDTH), 255, np.uint8)
     free[:, round(box[0]) - 24 : round(box[2]) + 24] = 0
     for seq in range(30):

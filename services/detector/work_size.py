@@ -51,8 +51,8 @@ class WorkSize:
     def shrink(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """(frame_height, frame_width, 3) uint8 to (height, width, 3).
 
-        Whole factors by area averaging, what remains, less than 2, by interpolation: averaging by
-        a fraction takes 2.4 ms from 768x576 to 480x360, this 0.4 ms, and scores the same.
+        Whole factors by area averaging, what remains, less than 2, by interpolation, which takes a
+        sixth of the time of averaging by a fraction.
         """
         whole = min(self.frame_width // self.width, self.frame_height // self.height)
         if whole > 1:
@@ -66,9 +66,11 @@ class WorkSize:
     def to_frame(self, box: tuple[int, int, int, int]) -> BoxXyxy:
         """A working box left, top, width, height as a frame box xyxy."""
         left, top, width, height = box
+        return self.box_to_frame((left, top, left + width, top + height))
+
+    def box_to_frame(self, box: BoxXyxy) -> BoxXyxy:
+        """A box of working pixels, xyxy, in frame pixels."""
+        left, top, right, bottom = box
         return (
-            left * self.scale_x,
-            top * self.scale_y,
-            (left + width) * self.scale_x,
-            (top + height) * self.scale_y,
-        )
+            left * self.scale_x, top * self.scale_y, right * self.scale_x, bottom * self.scale_y,
+        )  # fmt: skip

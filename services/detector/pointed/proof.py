@@ -1,7 +1,10 @@
-"""What moves about somebody's box otherwise than what is behind it, while the camera only turns.
+"""Whether a place that was pointed at is a person: told by what moves there, and how.
 
-Dense flow (T. Kroeger and others, "Fast optical flow using dense inverse search", ECCV 2016)
-between two pictures, less that of the ground and walls on either side of the body.
+What moves about a box otherwise than what is behind it, while the camera only turns, is told by
+dense flow (T. Kroeger et al., "Fast optical flow using dense inverse search", ECCV 2016) between
+two pictures, less that of the ground and walls on either side of the body.
+
+Lengths are heights of the body, unless they say otherwise.
 """
 
 from __future__ import annotations
@@ -17,34 +20,160 @@ from heel.schemas.base import BoxXyxy
 from heel.services.detector.camera_motion import Homography, estimate_turn
 from heel.services.detector.pointed.silhouette import ASPECT, reach
 
-_HEIGHT = 72
-"""Of a body as it is looked at, pixels; below, lengths are heights of the body."""
-_ASIDE, _ABOVE, _BELOW = 0.8, 0.25, 0.25
-"""What is looked at around the box."""
+_QUIET_PX = 100
+"""Fewer pixels than this that move are nobody; chosen by hand."""
+_OFF_AXIS = 0.15
+"""Farther from the axis of the body than this, on average, is not a walk; chosen by hand."""
+_LEAST_INSIDE = 0.55
+"""Share of the movement on the body; chosen by hand."""
+_MOST_BESIDE = 0.5
+"""Share of what is on one side that may move as well; chosen by hand."""
+_LEGS = 0.72
+"""A walk moves the legs: so far down movement reaches, from head (0) to foot (1)."""
+_HEAD = 0.35
+"""And so far up: something smaller within a larger box is not what the box is about."""
+_FROM_ASIDE = 0.28
+"""Movement that begins so far off the axis comes in from a side."""
+_OUTSIDE = 0.3
+"""And so does movement with so little of it on the body."""
+_PASSES = 0.08
+"""Pixels that go so far ..."""
+_ALONG = 0.3
+"""... while the box goes less than this share of it, pass by."""
+_SLIDES = 0.03
+"""A box that goes so far while its pixels do not go the same way slides over a wall."""
+_NEEDED_S = 0.35
+"""How long a person has to walk; chosen by hand."""
+_NEEDED_AFTER_OTHERS_S = 1.2
+"""Longer, where it began from aside: a person that passes by at 1 m/s is before a body for half a
+second."""
+_QUIET_S = 0.3
+"""Nothing has to move for so long before movement from aside is forgotten; chosen by hand."""
+_LONGEST_STEP_S = 0.2
+"""For so long at most does one frame stand."""
+
+_BODY_PX = 72
+"""Of a body as it is looked at, pixels."""
+_ASIDE = 0.8
+"""Looked at to either side of the axis."""
+_ABOVE = 0.25
+"""Looked at above the head."""
+_BELOW = 0.25
+"""Looked at below the feet."""
 _BODY_MARGIN = 0.02
-_CORE, _MIDDLE, _BESIDE = 0.5, 0.22, 0.3
-"""From the axis of the body: where movement counts, where it is the body's, and where it is not."""
-_APART_S, _FORGET_S = 0.24, 0.55
-"""Between the two pictures: time for a walker to move by a tenth of their height."""
+"""Beyond the silhouette that is still body."""
+_CORE = 0.5
+"""From the axis of the body: where movement counts."""
+_MIDDLE = 0.22
+"""From the axis: where it is the body's."""
+_BESIDE = 0.3
+"""From the axis: where it is not."""
+_APART_S = 0.24
+"""Between the two pictures: time for a walker to move by a tenth of the body height."""
+_FORGET_S = 0.55
+"""Older pictures are not compared: the turn since is known too badly."""
 _TEXTURE = 4.0
 """Least mean gradient of a pixel whose flow can be told, grey levels a pixel."""
 _BORDER_PX = 9
+"""Patches of the flow reach so far."""
 _LEAST_IN_PICTURE = 0.5
-_LEAST_BODY_PX, _LEAST_BESIDE_PX = 40, 80
+"""Share of the body in the picture."""
+_LEAST_BODY_PX = 40
+"""Pixels with texture on the body; chosen by hand."""
+_LEAST_BESIDE_PX = 80
+"""Pixels with texture beside it; chosen by hand."""
 _LEAST_SIDE = 0.5
-"""Share of what is on either side that has to be in the picture: from one side alone nobody can
-tell how the background on the other flows."""
-_LEAST_SIDE_PX, _ONE_SIDED = 40, 2.5
-"""Pixels with texture on a side below which more movement, by this factor, has to be seen."""
-_MOVES_PX, _SIGMAS, _FINEST_PX = 0.9, 3.0, 0.15
-_FIT_ROUNDS, _FIT_SIGMAS = 6, 1.5
+"""Share of what is on either side that has to be in the picture: one side alone does not tell how
+the background on the other flows."""
+_LEAST_SIDE_PX = 40
+"""Pixels with texture on a side, below which more movement has to be seen ..."""
+_ONE_SIDED = 2.5
+"""... by this factor; chosen by hand."""
+_MOVES_PX = 0.9
+"""Least movement, view pixels; chosen by hand."""
+_SIGMAS = 3.0
+"""Least movement, in the scatter of the background."""
+_FINEST_PX = 0.15
+"""Least scatter: flow is no finer, view pixels."""
+_FIT_ROUNDS = 6
+"""Of the robust fit; more change nothing."""
+_FIT_SIGMAS = 1.5
+"""Scatter beyond which a pixel counts less."""
 _LARGEST_ZOOM = 0.02
 """A camera that turns sees nothing grow."""
 _ZOOM_STEP_PX = 20.0
+"""Distance over which growth is measured, pixels."""
 
 Mask = NDArray[np.bool_]
 Grey = NDArray[np.uint8]
 Floats = NDArray[np.float64]
+
+
+class Proof:
+    """Gathers evidence of one person, frame by frame.
+
+    A person that stands and then walks begins to move in the middle of the box; one that merely
+    passes by comes in from a side. After movement that began so, more is needed until all is quiet.
+    """
+
+    def __init__(self) -> None:
+        self._watch = MovementWatch()
+        self._walked_s = 0.0
+        self._quiet_s = _QUIET_S
+        self._began = self._from_aside = False
+        self._last_s: float | None = None
+
+    @property
+    def proves(self) -> bool:
+        """Whether it suffices to drive after the person."""
+        needed_s = _NEEDED_AFTER_OTHERS_S if self._from_aside else _NEEDED_S
+        return self._walked_s >= needed_s
+
+    def look(
+        self, grey: NDArray[np.uint8], box: BoxXyxy, free: NDArray[np.uint8], t_s: float
+    ) -> None:
+        """Take in a frame; arguments as `MovementWatch.look`."""
+        dt_s = 0.0 if self._last_s is None else min(max(0.0, t_s - self._last_s), _LONGEST_STEP_S)
+        self._last_s = t_s
+        movement = self._watch.look(grey, box, free, t_s)
+        if movement is None or self.proves:
+            return
+        if movement.pixels < _QUIET_PX:
+            self._quiet_s += dt_s
+            self._walked_s = max(0.0, self._walked_s - 0.5 * dt_s)
+            self._began = self._began and self._walked_s > 0.0
+            if self._from_aside and self._quiet_s >= _QUIET_S:
+                self._from_aside, self._walked_s = False, 0.0
+            return
+        self._quiet_s = 0.0
+        if not _walks(movement, (grey.shape[0] - box[1]) / (box[3] - box[1])):
+            comes_in = abs(movement.aside) > _FROM_ASIDE or movement.inside < _OUTSIDE
+            self._from_aside = self._from_aside or (comes_in and not self._began)
+            self._walked_s = max(0.0, self._walked_s - 0.5 * dt_s)
+        else:
+            self._began = True
+            self._walked_s += dt_s
+
+
+def _walks(movement: Movement, visible: float) -> bool:
+    """Whether it is the person in the box that moves, from the legs up.
+
+    Args:
+        movement: about the box.
+        visible: part of the body, from the head on, above the picture's lower border.
+    """
+    step = movement.body_step
+    passes_by = abs(step) > _PASSES and movement.box_step * step < _ALONG * step * step
+    slides = abs(movement.box_step) > _SLIDES and movement.box_step * step <= 0.0
+    return (
+        abs(movement.aside) < _OFF_AXIS
+        and movement.inside > _LEAST_INSIDE
+        and movement.beside < _MOST_BESIDE
+        and movement.highest < _HEAD
+        and movement.lowest > _LEGS * min(visible, 1.0)
+        and not passes_by
+        and not slides
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +212,9 @@ class _Past:
 
 def _grids() -> tuple[Floats, Floats]:
     """Where the pixels looked at lie: (H, 1) down from head to foot, (1, W) aside of the axis."""
-    rows, columns = round((1 + _ABOVE + _BELOW) * _HEIGHT), round(2 * _ASIDE * _HEIGHT)
-    down = (np.arange(rows) + 0.5) / _HEIGHT - _ABOVE
-    aside = (np.arange(columns) + 0.5) / _HEIGHT - _ASIDE
+    rows, columns = round((1 + _ABOVE + _BELOW) * _BODY_PX), round(2 * _ASIDE * _BODY_PX)
+    down = (np.arange(rows) + 0.5) / _BODY_PX - _ABOVE
+    aside = (np.arange(columns) + 0.5) / _BODY_PX - _ASIDE
     return down[:, None], aside[None, :]
 
 
@@ -117,7 +246,7 @@ class MovementWatch:
             t_s: time of the frame.
         """
         if self._past:
-            self._carry(grey, free, t_s)
+            self._warp(grey, free, t_s)
         then = next((past for past in reversed(self._past) if t_s - past.t_s >= _APART_S), None)
         movement = None
         if then is not None and abs(_zoom(then.back, grey.shape) - 1.0) < _LARGEST_ZOOM:
@@ -125,7 +254,7 @@ class MovementWatch:
         self._past.append(_Past(t_s, grey, box, np.eye(3)))
         return movement
 
-    def _carry(self, grey: Grey, free: Grey, t_s: float) -> None:
+    def _warp(self, grey: Grey, free: Grey, t_s: float) -> None:
         """Let what was seen before be found from this picture."""
         before = self._past[-1].grey
         turn = estimate_turn(before, grey, free) if before.shape == grey.shape else None
@@ -170,7 +299,7 @@ class MovementWatch:
             lowest=float(np.percentile(_DOWN[rows, 0], 95)) if len(rows) else 0.0,
             body=_share(moves, body),
             beside=max(_share(moves, beside & side) for side in (_ACROSS < 0, _ACROSS > 0)),
-            body_step=-float(np.median(own[body][:, 0])) / _HEIGHT,
+            body_step=-float(np.median(own[body][:, 0])) / _BODY_PX,
             box_step=(was[0] - 0.5 * (then.box[0] + then.box[2])) / height,
         )
 
@@ -178,13 +307,13 @@ class MovementWatch:
 def _around(grey: Grey, box: BoxXyxy, from_now: Homography) -> tuple[Grey, Mask]:
     """A box and what is around it, cut out of a picture, and where that shows the picture."""
     height, x = box[3] - box[1], 0.5 * (box[0] + box[2])
-    pixel = height / _HEIGHT
+    pixel = height / _BODY_PX
     left, top = x - _ASIDE * height, box[1] - _ABOVE * height
     # Pixel centres: the matrix maps corners of pixels.
     cut = np.array([[pixel, 0.0, left + 0.5 * pixel - 0.5],
                     [0.0, pixel, top + 0.5 * pixel - 0.5], [0.0, 0.0, 1.0]])  # fmt: skip
     size = (_ACROSS.shape[1], _DOWN.shape[0])
-    # Whoever is larger is averaged first: pixels left out look like movement when they change.
+    # A larger body is averaged first: pixels left out look like movement when they change.
     small, shrink = _averaged(grey, max(1, int(pixel)))
     matrix, inverse = shrink @ from_now @ cut, cv2.WARP_INVERSE_MAP
     part = cv2.warpPerspective(

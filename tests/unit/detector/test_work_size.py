@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heel.services.detector.geometry import WorkSize
+from heel.services.detector.work_size import WorkSize
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,232 @@
+"""The detector that adapts: to what the camera does, and to what a user points at."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from heel.schemas import Blobs, FrameId, Pointed, Tracks
+from heel.schemas.blobs import FOREGROUND
+from heel.services.detector.background.detector import BackgroundDetector
+from heel.services.detector.background.evidence import Seen, smoothed
+from heel.services.detector.background.foreground import MovingForeground, StandingForeground
+from heel.services.detector.camera_motion import (
+    Affine,
+    MotionEstimate,
+    compose,
+    estimate_motion,
+)
+from heel.services.detector.feedback import free_mask
+from heel.services.detector.interface import Frame
+from heel.services.detector.pointed.detector import PointedAt, people_message
+from heel.services.detector.scene import Scene, Scenes
+from heel.services.detector.settings import DetectorSettings
+from heel.services.detector.work_size import WorkSize
+
+_FLOODED_SHARE = 0.6
+"""More foreground than this share of the picture is no people but a model that does not hold."""
+_FLOODED_S = 0.5
+"""Flooded for longer than this, the model starts over; chosen by hand."""
+_REDUCTION = 2
+"""Factor by which pictures are reduced before the motion of a standing camera is looked for."""
+_MOVED_PX = 0.8
+"""Root mean square shift of the picture's corners that a standing camera never has, working px."""
+_STILL_SHARE = 0.2
+"""When the camera moves, fewer corners than this stay where they were: those near its axis."""
+_ANCHOR_S = 1.0
+"""Age of the oldest frame that is compared: a slow pan is seen, too."""
+_STANDING_S = 1.5
+"""A camera that has not moved for so long stands; chosen by hand."""
+_STOOD_PX = 0.5
+"""Shift of the corners of a camera that stands, working pixels; below `_MOVED_PX`."""
+_PATH_FRAMES = 512
+"""Bound of the path that is remembered: more than `_STANDING_S` holds."""
+
+
+class AutoDetector:
+    """A background while it shows the person wanted, else the colours of the one pointed at.
+
+    A person that stands from the start is background, and a robot that drives close behind a person
+    sees the floor move otherwise than the walls, so that no background can be warped along. A point
+    at which nobody is tracked says where to look all the same.
+    """
+
+    def __init__(self, settings: DetectorSettings) -> None:
+        """With nothing known of the scene."""
+        self._settings = settings
+        self._background = BackgroundDetector(AutoForeground, settings)
+        self._scenes = Scenes(settings.work_width_px, lambda _: PointedAt())
+
+    def detect(self, frame: Frame) -> Blobs:
+        """The blobs of one frame, of kind `people` while a person pointed at is looked for."""
+        scene = self._scenes.of(frame.scene)
+        if frame.pointed is None and not scene.state.is_looking:
+            return self._background.detect(frame)
+        smooth = smoothed(scene.size.shrink(frame.image), self._settings.blur_px)
+        if frame.pointed is not None:
+            self._point(scene, smooth, frame.pointed)
+        if not scene.state.is_looking:
+            return self._background.detect(frame)
+        sighting, motion = scene.state.look(smooth, frame.id.t_capture_ns)
+        return people_message(frame, scene.size, sighting, motion, scene.state.count)
+
+    def _point(self, scene: Scene[PointedAt], smooth: NDArray[np.uint8], pointed: Pointed) -> None:
+        of = (pointed.frame.stream, pointed.frame.epoch, pointed.width, pointed.height)
+        if of != scene.key:
+            return
+        x, y = pointed.x_px / scene.size.scale_x, pointed.y_px / scene.size.scale_y
+        if scene.state.point(smooth, x, y):
+            # Whatever it has learned is of another view by the time it is needed again.
+            self._background = BackgroundDetector(AutoForeground, self._settings)
+
+
+class AutoForeground:
+    """The standing background while the camera stands still, the moving one while it moves.
+
+    Either begins with what the other has learned, so that a change of model floods nothing with
+    foreground. Where neither holds (the camera's motion cannot be told, or most of the picture
+    would be foreground) nothing is reported as seen, and the message says so.
+    """
+
+    def __init__(self, size: WorkSize, settings: DetectorSettings) -> None:
+        self._size = size
+        self._settings = settings
+        self._standing: StandingForeground | None = StandingForeground(size, settings)
+        self._moving: MovingForeground | None = None
+        self._watch = StandingWatch()
+        self._rest = RestWatch(size.width, size.height)
+        self._flooded_ns: int | None = None
+
+    @property
+    def name(self) -> str:
+        """Of the background that is believed."""
+        return MovingForeground.name if self._standing is None else StandingForeground.name
+
+    def look(self, image: NDArray[np.uint8], frame: FrameId, feedback: Tracks | None) -> Seen:
+        """See and learn one frame with the model that fits."""
+        moved = self._has_moved(image, frame, feedback)
+        if moved is not None and self._standing is not None:
+            self._start_moving(self._standing)
+        if self._standing is not None:
+            seen = self._standing.look(image, frame, feedback)
+        else:
+            assert self._moving is not None
+            seen = self._moving.look(image, frame, feedback, moved)
+            if seen.motion is not None and self._rest.update(seen.motion, frame.t_capture_ns):
+                self._start_standing(self._moving)
+        return self._judged(seen, frame.t_capture_ns)
+
+    def _has_moved(
+        self, image: NDArray[np.uint8], frame: FrameId, feedback: Tracks | None
+    ) -> MotionEstimate | None:
+        if self._standing is None:
+            return None
+        grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+        free = free_mask(feedback, frame, self._size)
+        return self._watch.update(grey, free, frame.t_capture_ns)
+
+    def _start_moving(self, before: StandingForeground) -> None:
+        self._moving = MovingForeground(self._size, self._settings, before.learned)
+        self._rest = RestWatch(self._size.width, self._size.height)
+        self._standing = None
+
+    def _start_standing(self, before: MovingForeground) -> None:
+        self._standing = StandingForeground(self._size, self._settings, before.learned)
+        self._watch = StandingWatch()
+        self._moving = None
+
+    def _judged(self, seen: Seen, t_ns: int) -> Seen:
+        """What was seen, or nothing where that cannot be people."""
+        share = 0.0
+        if seen.evidence is not None and not seen.learning:
+            share = float(np.count_nonzero(seen.evidence >= FOREGROUND)) / seen.evidence.size
+        if share < _FLOODED_SHARE:
+            self._flooded_ns = None
+            return seen
+        if self._flooded_ns is None:
+            self._flooded_ns = t_ns
+        elif t_ns - self._flooded_ns > _FLOODED_S * 1e9:
+            self._start_over()
+        reason = f"{share:.0%} of the picture differs from the background"
+        return Seen(None, [], False, seen.protected_seq, seen.motion, reason)
+
+    def _start_over(self) -> None:
+        """The light or the scene is another one: nothing that was learned is of use."""
+        self._flooded_ns = None
+        self._watch = StandingWatch()
+        if self._standing is not None:
+            self._standing = StandingForeground(self._size, self._settings)
+        else:
+            self._moving = MovingForeground(self._size, self._settings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Anchor:
+    grey: NDArray[np.uint8]
+    free: NDArray[np.uint8]
+    t_ns: int
+
+
+class StandingWatch:
+    """Says when a standing camera has moved: compares each frame with one up to a second old."""
+
+    def __init__(self) -> None:
+        self._anchor: _Anchor | None = None
+
+    def update(
+        self, grey: NDArray[np.uint8], free: NDArray[np.uint8], t_ns: int
+    ) -> MotionEstimate | None:
+        """Motion since the anchor where the camera has moved, else None.
+
+        Args:
+            grey: (H, W) uint8, this frame.
+            free: (H, W) uint8, 0 where people are, else 255.
+            t_ns: time of the frame.
+        """
+        small = _reduced(grey)
+        anchor = self._anchor
+        if anchor is None or t_ns - anchor.t_ns > _ANCHOR_S * 1e9 or t_ns < anchor.t_ns:
+            self._anchor = _Anchor(small, _reduced(free), t_ns)
+        if anchor is None:
+            return None
+        motion = estimate_motion(anchor.grey, small, anchor.free)
+        affine = motion.affine.copy()
+        affine[:, 2] *= _REDUCTION
+        since = MotionEstimate(affine, motion.quality)
+        rows, columns = grey.shape
+        moved = since.is_known and since.shift_px(columns, rows) > _MOVED_PX
+        return since if moved and motion.still < _STILL_SHARE else None
+
+
+class RestWatch:
+    """Says when a camera that moved has come to rest."""
+
+    def __init__(self, columns: int, rows: int) -> None:
+        self._size = (columns, rows)
+        self._past: deque[tuple[int, Affine]] = deque(maxlen=_PATH_FRAMES)
+        self._total: Affine = np.eye(2, 3)
+
+    def update(self, motion: MotionEstimate, t_ns: int) -> bool:
+        """Whether the camera has not moved for `_STANDING_S`."""
+        if not motion.is_known:
+            self._past.clear()
+            return False
+        self._total = compose(motion.affine, self._total)
+        self._past.append((t_ns, self._total))
+        while len(self._past) > 1 and t_ns - self._past[1][0] >= _STANDING_S * 1e9:
+            self._past.popleft()
+        if t_ns - self._past[0][0] < _STANDING_S * 1e9:
+            return False
+        return all(self._shift_px(then) < _STOOD_PX for _, then in self._past)
+
+    def _shift_px(self, then: Affine) -> float:
+        back = np.asarray(cv2.invertAffineTransform(then), np.float64)
+        return MotionEstimate(compose(self._total, back), 1.0).shift_px(*self._size)
+
+
+def _reduced(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(image[::_REDUCTION, ::_REDUCTION])

@@ -1,1 +1,0 @@
-"""Which background can be believed: one that stands still, one that is carried along, or none."""

@@ -1,0 +1,1 @@
+"""Foreground against a background that is learned pixel by pixel."""

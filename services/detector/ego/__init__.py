@@ -1,1 +1,0 @@
-"""A background that is carried along with a camera that moves."""
