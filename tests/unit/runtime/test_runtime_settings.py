@@ -106,7 +106,7 @@ def test_lists_in_the_environment_are_typed_as_people_type_them(
         ('[detector]\nblur_px = "wide"\n', ["detector.blur_px = 'wide'", "valid integer"]),
         ("[detector]\nblur_px = 99\n", ["detector.blur_px = 99", "less than or equal to 31"]),
         ("[detector]\nblur_px = 4\n", ["detector", "blur_px 4 is even"]),
-        ("[detector]\nshadow_ratio = nan\n", ["detector.shadow_ratio = nan", "finite"]),
+        ("[detector]\nmodel_score = nan\n", ["detector.model_score = nan", "finite"]),
         ('[detector]\npreset = "fast"\n', ["detector.preset = 'fast'", "'default' or 'paper'"]),
         ('[detector]\ncamera = "*"\n', ["detector.camera = '*'", "pattern"]),
         ("[detector\n", ["not TOML", "line 1"]),
