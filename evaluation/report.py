@@ -12,9 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -29,7 +27,6 @@ from heel.evaluation.motchallenge import (
 )
 from heel.evaluation.plausible import check_size, warn_of_another_size
 from heel.evaluation.retention import retention
-from heel.evaluation.rows import rows_from_array
 from heel.evaluation.scores import tracking_scores
 from heel.schemas.errors import HeelError
 from heel.services.sequence_file import sequence_file
@@ -79,41 +76,6 @@ def evaluate(
     """
     sequence = load_sequence(gt_path, tracks_path, iou_threshold=iou_threshold, flags=flags)
     return score_sequence(sequence, iou_threshold=iou_threshold)
-
-
-def evaluate_rows(
-    gt_rows: NDArray[Any],
-    track_rows: NDArray[Any],
-    *,
-    sequence: str = "",
-    frame_count: int = 0,
-    iou_threshold: float = 0.5,
-    flags: FlagRule = "mot15",
-) -> SequenceScores:
-    """Scores arrays as ``evaluate`` scores files.
-
-    Args:
-        gt_rows: ``(N, 7)`` frame, id, left, top, width, height, flag (6 columns: every flag 1).
-        track_rows: ``(M, 7)`` frame, id, left, top, width, height, confidence (or 6 columns). Both
-            in file pixels, that is counted from 1, as ``numpy.loadtxt`` reads them; Heel's own
-            boxes count from 0, so add 1 to left and top.
-        sequence: a name for the result.
-        frame_count: length of the sequence, if known.
-        iou_threshold: as in ``evaluate``.
-        flags: as in ``evaluate``.
-
-    Raises:
-        HeelError: a row or an option is not valid.
-    """
-    aligned = align(
-        rows_from_array(gt_rows, "ground truth"),
-        rows_from_array(track_rows, "tracks"),
-        name=sequence,
-        frame_count=frame_count,
-        iou_threshold=iou_threshold,
-        flags=flags,
-    )
-    return score_sequence(aligned, iou_threshold=iou_threshold)
 
 
 def load_sequence(

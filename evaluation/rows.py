@@ -33,8 +33,7 @@ COLUMNS = "frame,id,left,top,width,height,confidence"
 class BoxRows:
     """Boxes of one sequence, one row per box, sorted by frame and then identity.
 
-    Build it with ``rows_from_array`` or ``rows_from_xyxy``, or read it from a file: they check what
-    is promised here.
+    Build it with ``rows_from_xyxy``, or read it from a file: both check what is promised here.
 
     Attributes:
         frames: ``(N,)`` int64, frame numbers from 1.
@@ -56,28 +55,6 @@ class BoxRows:
         return BoxRows(
             self.frames[mask], self.identities[mask], self.boxes_xyxy[mask], self.values[mask]
         )
-
-
-def rows_from_array(array: NDArray[Any], kind: RowKind) -> BoxRows:
-    """Rows from numbers in the columns of a MOTChallenge file.
-
-    Args:
-        array: ``(N, >=6)``: frame, identity, left, top, width, height and, if there is a seventh
-            column, flag or confidence (else 1). **File pixels: the image starts at 1**, as
-            ``numpy.loadtxt`` yields them.
-        kind: what the rows are.
-
-    Raises:
-        HeelError: the shape or a row is wrong; the message holds the value and the row from 1.
-    """
-    given = np.asarray(array, dtype=np.float64)
-    if given.size == 0:
-        given = given.reshape(0, 7)
-    if given.ndim != 2 or given.shape[1] < 6:
-        raise HeelError(f"{kind}: array of shape {given.shape}; give (N, 7) as {COLUMNS}")
-    table = np.ones((len(given), 7))
-    table[:, : given.shape[1]] = given[:, :7]
-    return check_rows(table, np.arange(1, len(table) + 1), kind, f"{kind}: row")
 
 
 def rows_from_xyxy(

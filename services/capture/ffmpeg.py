@@ -31,10 +31,6 @@ _FROM_NETWORK = {
 }
 
 
-class NoFrames(SourceError):  # noqa: N818 - says what the source is, not that something broke
-    """What answers is a video, but nothing in it can be decoded."""
-
-
 def shown_path(path: Path) -> str:
     r"""A path as text that any message can carry: bytes that are not UTF-8 become `\xe9`."""
     return os.fsencode(path).decode("utf-8", "backslashreplace")

@@ -133,33 +133,6 @@ class GroundCamera(Pinhole):
         reach = self.mount_height_m / np.where(fall > 1e-9, fall, np.nan)
         return np.stack([ahead * reach, left * reach], axis=-1)
 
-    def locate(self, pixels: ArrayLike, sigma_px: ArrayLike = 2.0) -> GroundPositions:
-        """Bearing and distance of points on the ground, with first-order uncertainty.
-
-        Args:
-            pixels: (..., 2) foot points.
-            sigma_px: standard deviation of both coordinates, a number or (...).
-
-        Returns:
-            Arrays (...); NaN at and above the horizon.
-        """
-        ahead, left, fall = self._rays(np.asarray(pixels, np.float64))
-        fall = np.where(fall > 1e-9, fall, np.nan)
-        reach = self.mount_height_m / fall
-        x, y = ahead * reach, left * reach
-        distance = np.hypot(x, y)
-        sine, cosine = math.sin(self.pitch_rad), math.cos(self.pitch_rad)
-        # Per pixel down the ray's reach shrinks; per pixel to the right only y changes.
-        reach_by_v = -reach * cosine / fall
-        x_by_v, y_by_v, y_by_u = ahead * reach_by_v - sine * reach, left * reach_by_v, -reach
-        angle_px = np.asarray(sigma_px, np.float64) / self.focal_px
-        return GroundPositions(
-            distance,
-            np.arctan2(y, x),
-            angle_px * np.hypot(x * x_by_v + y * y_by_v, y * y_by_u) / distance,
-            angle_px * np.hypot(x * y_by_v - y * x_by_v, x * y_by_u) / distance**2,
-        )
-
     def person_boxes(
         self, ground: ArrayLike, height_m: ArrayLike, width_m: ArrayLike = _PERSON_WIDTH_M
     ) -> FloatArray:
@@ -199,22 +172,6 @@ class GroundCamera(Pinhole):
         down = (pixels[..., 1] - self.centre_y_px) / self.focal_px
         sine, cosine = math.sin(self.pitch_rad), math.cos(self.pitch_rad)
         return cosine - down * sine, -right, sine + down * cosine
-
-
-@dataclass(frozen=True, slots=True)
-class GroundPositions:
-    """Where things stand on the ground as seen from the camera; arrays of one shape.
-
-    Attributes:
-        distance_m: along the ground.
-        bearing_rad: from straight ahead, left is positive.
-        distance_sigma_m, bearing_sigma_rad: standard deviations.
-    """
-
-    distance_m: FloatArray
-    bearing_rad: FloatArray
-    distance_sigma_m: FloatArray
-    bearing_sigma_rad: FloatArray
 
 
 def focal_length_px(width_px: int, horizontal_fov_rad: float) -> float:

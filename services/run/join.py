@@ -21,8 +21,3 @@ class FrameJoin:
             newest = self._next
             self._next += 1
         return newest
-
-    @property
-    def complete(self) -> int:
-        """How many frames are complete."""
-        return self._next

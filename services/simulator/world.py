@@ -57,10 +57,8 @@ class World:
         self._t_s = 0.0
         self._people: tuple[PersonState, ...] | None = None
         self._in_contact = np.zeros(len(scenario.people), np.bool_)
-        self._against_wall = False
         self._free_m = 0.0
         self._contacts = 0
-        self._bumps = 0
 
     @property
     def t_s(self) -> float:
@@ -112,11 +110,6 @@ class World:
     def contacts(self) -> int:
         """How often the robot has come to touch somebody so far."""
         return self._contacts
-
-    @property
-    def bumps(self) -> int:
-        """How often the robot has come to touch an obstacle so far."""
-        return self._bumps
 
     @property
     def finished(self) -> bool:
@@ -226,17 +219,13 @@ class World:
         return replace(moved, x_m=x_m, y_m=y_m, linear_mps=speed)
 
     def _off_obstacles(self, place: Array) -> Array:
-        """Count bumps; the robot slides along what it has come to touch."""
+        """The robot slides along what it has come to touch."""
         self._free_m -= math.hypot(*(place[0] - (self._robot.x_m, self._robot.y_m)).tolist())
         if self._free_m > 0.0 or not len(self._solids):
             # It cannot have come near anything since the last look.
-            self._against_wall = False
             return place
-        place, touched = self._solids.push_out(place, np.array([self._body.radius_m]))
+        place, _ = self._solids.push_out(place, np.array([self._body.radius_m]))
         self._free_m = float(self._solids.clearance(place)[0].min()) - self._body.radius_m
-        if bool(touched[0]) and not self._against_wall:
-            self._bumps += 1
-        self._against_wall = bool(touched[0])
         return place
 
     def _off_people(self, place: Array) -> Array:

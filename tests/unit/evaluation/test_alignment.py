@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from heel.evaluation.alignment import AlignedSequence, FlagRule, align, best_pairs
-from heel.evaluation.rows import rows_from_array
 from heel.schemas.errors import HeelError
+from tests.support.box_rows import rows_from_array
 
 A, B = [10, 10, 20, 40], [14, 10, 20, 40]  # IoU of the two is 2/3
 

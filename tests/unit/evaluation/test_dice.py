@@ -9,7 +9,8 @@ import pytest
 
 from heel.evaluation.alignment import AlignedSequence, align
 from heel.evaluation.dice import dice_per_frame, mean_dice, union_area
-from heel.evaluation.rows import rows_from_array, rows_from_xyxy
+from heel.evaluation.rows import rows_from_xyxy
+from tests.support.box_rows import rows_from_array
 
 
 def sequence(

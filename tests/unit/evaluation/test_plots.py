@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from heel.evaluation.alignment import AlignedSequence, align
 from heel.evaluation.plots import runs, write_plots
-from heel.evaluation.rows import rows_from_array
 from heel.evaluation.scores import tracking_scores
 from heel.evaluation.timeline import ABSENT, MISSED, timeline
 from heel.schemas.errors import HeelError
+from tests.support.box_rows import rows_from_array
 
 Rows = NDArray[np.float64]
 Draw = Callable[[int], tuple[Rows, Rows]]

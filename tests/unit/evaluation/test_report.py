@@ -15,7 +15,6 @@ from rich.console import Console
 from heel.evaluation.report import (
     SequenceScores,
     evaluate,
-    evaluate_rows,
     find_pairs,
     load_sequence,
     scores_json,
@@ -42,15 +41,6 @@ def recorded(draw_sequence: Draw, tmp_path: Path) -> tuple[Path, Path]:
     truth, tracks = draw_sequence(0)
     save(tmp_path / "walk" / "gt" / "gt.txt", truth)
     return tmp_path / "walk", save(tmp_path / "out" / "tracks.txt", tracks)
-
-
-def test_files_and_arrays_give_the_same_scores(
-    draw_sequence: Draw, recorded: tuple[Path, Path]
-) -> None:
-    from_files = evaluate(*recorded)
-    from_arrays = evaluate_rows(*draw_sequence(0), sequence="walk")
-    assert from_files == from_arrays
-    assert from_files.sequence == "walk"
 
 
 @pytest.mark.parametrize("gt", ["", "gt/gt.txt"])
@@ -82,18 +72,17 @@ def test_empty_tracks_file_is_scored_as_nobody_shown(recorded: tuple[Path, Path]
     assert (scores.mota, scores.keep, scores.wrong, scores.dice) == (0, 0, 0, 0)
 
 
-def test_identity_that_is_only_in_the_ground_truth_is_missed() -> None:
+def test_identity_that_is_only_in_the_ground_truth_is_missed(tmp_path: Path) -> None:
     truth = np.array([[1, 1, 10, 10, 20, 40, 1], [1, 2, 90, 10, 20, 40, 1]])
-    scores = evaluate_rows(truth, truth[:1])
+    scores = evaluate(save(tmp_path / "gt.txt", truth), save(tmp_path / "t.txt", truth[:1]))
     assert (scores.fn, scores.fp, scores.mota) == (1, 0, 50.0)
 
 
-def test_flags_and_threshold_reach_the_scores(draw_sequence: Draw) -> None:
-    truth, tracks = draw_sequence(0)
-    strict = evaluate_rows(truth, tracks)
-    assert evaluate_rows(truth, tracks, flags="all").boxes > strict.boxes
-    assert evaluate_rows(truth, tracks, flags="ignore").fp < strict.fp
-    loose = evaluate_rows(truth, tracks, iou_threshold=0.3)
+def test_flags_and_threshold_reach_the_scores(recorded: tuple[Path, Path]) -> None:
+    strict = evaluate(*recorded)
+    assert evaluate(*recorded, flags="all").boxes > strict.boxes
+    assert evaluate(*recorded, flags="ignore").fp < strict.fp
+    loose = evaluate(*recorded, iou_threshold=0.3)
     assert loose.mota > strict.mota
     assert loose.hota == strict.hota
 

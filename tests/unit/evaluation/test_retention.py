@@ -7,7 +7,7 @@ import pytest
 
 from heel.evaluation.alignment import AlignedSequence, align
 from heel.evaluation.retention import Retention, retention
-from heel.evaluation.rows import rows_from_array
+from tests.support.box_rows import rows_from_array
 
 # Where people and outputs stand in the scripts below: one letter is one place, none overlap.
 PLACES = {"a": 0.0, "b": 100.0, "c": 200.0, "d": 300.0}

@@ -45,9 +45,6 @@ def test_ground_to_pixel_and_back_is_the_same_place(
     pixel = looking.pixels([x, y, 0.0])
     if np.isfinite(pixel).all():
         assert looking.ground(pixel) == pytest.approx([x, y], rel=1e-6, abs=1e-6)
-        place = looking.locate(pixel)
-        assert place.distance_m == pytest.approx(math.hypot(x, y), rel=1e-6)
-        assert place.bearing_rad == pytest.approx(math.atan2(y, x), abs=1e-6)
         assert looking.bearing_rad(*pixel) == pytest.approx(math.atan2(y, x), abs=1e-6)
         slope = looking.slope(*pixel)
         assert slope == pytest.approx(height / math.hypot(x, y), rel=1e-6)
@@ -56,26 +53,15 @@ def test_ground_to_pixel_and_back_is_the_same_place(
 def test_nothing_on_the_ground_is_at_or_above_the_horizon_or_behind() -> None:
     level = camera()
     assert np.isnan(level.ground([[320.0, 240.0], [320.0, 0.0]])).all()
-    assert np.isnan(level.locate([320.0, 100.0]).distance_m)
     assert np.isnan(level.pixels([-1.0, 0.0, 0.0])).all()
     assert np.isnan(level.person_height_px([320.0, 200.0], 1.7))
-
-
-@pytest.mark.parametrize("pitch_rad", [0.0, 0.3])
-def test_stated_uncertainty_is_the_scatter_of_noisy_pixels(pitch_rad: float) -> None:
-    looking = camera(1.2, pitch_rad)
-    pixel = looking.pixels([3.0, 1.0, 0.0])
-    noisy = pixel + np.random.default_rng(1).normal(0, 0.5, (20000, 2))
-    stated, scattered = looking.locate(pixel, 0.5), looking.locate(noisy)
-    assert stated.distance_sigma_m == pytest.approx(scattered.distance_m.std(), rel=0.03)
-    assert stated.bearing_sigma_rad == pytest.approx(scattered.bearing_rad.std(), rel=0.03)
 
 
 def test_arrays_of_any_shape_keep_it() -> None:
     looking = camera()
     ground = np.array([[[2.0, 0.5], [3.0, 0.0], [9.0, -2.0]], [[4.0, 0.1], [5.0, 0.0], [6.0, 1.0]]])
     assert looking.person_boxes(ground, 1.7).shape == (2, 3, 4)
-    assert looking.locate(looking.ground(np.full((2, 3, 2), 300.0))).distance_m.shape == (2, 3)
+    assert looking.ground(np.full((2, 3, 2), 300.0)).shape == (2, 3, 2)
 
 
 def test_a_person_is_as_tall_in_the_picture_as_the_rule_of_three_says() -> None:

@@ -47,9 +47,9 @@ def outcome() -> Outcome:
 
 
 def call(outcome: Outcome, *arguments: str) -> Result:
-    # "run" is a table that files may hold, and no service of its own.
+    # A table that files may hold.
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command()(settings_command("run", Sample, outcome.run, "Sample command."))
+    app.command()(settings_command("drive", Sample, outcome.run, "Sample command."))
     return CliRunner().invoke(app, list(arguments), env={"COLUMNS": "200"})
 
 
@@ -84,7 +84,7 @@ def test_flags_reach_the_command_and_the_rest_keeps_its_default(outcome: Outcome
 
 def test_flags_that_are_not_given_leave_the_file_in_force(outcome: Outcome, tmp_path: Path) -> None:
     file = tmp_path / "heel.toml"
-    file.write_text("[run]\nloop = true\nspeed_mps = 1.0\n")
+    file.write_text("[drive]\nloop = true\nspeed_mps = 1.0\n")
     call(outcome, "--config", str(file), "--speed-mps", "2")
     assert (outcome.loaded.service.loop, outcome.loaded.service.speed_mps) == (True, 2.0)
     call(outcome, "--config", str(file), "--no-loop")
@@ -102,7 +102,7 @@ def test_show_config_prints_settings_and_runs_nothing(outcome: Outcome) -> None:
     assert done.exit_code == 0
     assert not hasattr(outcome, "loaded")
     assert "hunter2" not in done.output
-    assert json.loads(done.output)["run"]["speed_mps"] == 0.5
+    assert json.loads(done.output)["drive"]["speed_mps"] == 0.5
 
 
 @pytest.mark.parametrize(
