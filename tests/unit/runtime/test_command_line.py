@@ -108,9 +108,9 @@ def test_show_config_prints_settings_and_runs_nothing(outcome: Outcome) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--speed-mps", "fast"], "run.speed_mps = 'fast'"),
+        (["--speed-mps", "fast"], "drive.speed_mps = 'fast'"),
         (["--speed-mps", "9"], "less than or equal to 2"),
-        (["--pace", "slow"], "run.pace = 'slow'"),
+        (["--pace", "slow"], "drive.pace = 'slow'"),
         (["--frames", "0"], "greater than or equal to 1"),
         (["--config", "/nowhere.toml"], "/nowhere.toml"),
     ],
