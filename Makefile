@@ -13,7 +13,7 @@ define CHECK_PYTHON
 	|| { echo "Heel needs Python 3.11 or newer: make PYTHON=/path/to/python3.11 ..."; exit 1; }
 endef
 
-.PHONY: help demo test check lint layers types docs test-docker test-slow same same-short bench results peers clean
+.PHONY: help demo test check lint layers types docs test-docker test-slow mutants same same-short bench results peers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
@@ -53,6 +53,9 @@ docs: $(READY)  ## build the documentation site in site/, with strict links
 	PYTHONPATH=. $(BIN)/zensical build --clean --strict
 
 check: lint layers types test  ## everything but Docker and the slow tests
+
+mutants: $(READY)  ## halve and double every constant of detector, tracker, follower: does a unit test notice? (hours)
+	$(BIN)/python -m benchmarks.mutants --write docs/records/mutants.md
 
 same: $(READY)  ## does everything still come out the same, on all recordings, scenes and episodes
 	$(BIN)/python -m benchmarks.same
