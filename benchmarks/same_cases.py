@@ -18,8 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.common import data_folder
+from benchmarks.scripted_pan import SEQUENCE, WINDOW
+from benchmarks.virtual_pan import SEQUENCES
 from heel.evaluation.following.log import EpisodeLog
 from heel.evaluation.motchallenge import write_tracks
 from heel.schemas import FrameId, MotionCommand, Pointed, Tracks
@@ -32,13 +36,18 @@ from heel.services.drive.core import Drive
 from heel.services.drive.settings import DriveSettings
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
-from heel.services.loops.panning.scripted import panning
+from heel.services.loops.panning.perception import Perception as WindowPerception
+from heel.services.loops.panning.perception import PerceptionName
+from heel.services.loops.panning.perception import perception as perception_of
+from heel.services.loops.panning.scripted import Script, following, panning, scripted_frames
+from heel.services.loops.panning.sequence import follow_everybody
+from heel.services.loops.panning.truth import InWindow
 from heel.services.loops.scenarios.loop import ClosedLoop
 from heel.services.loops.scenarios.perception import Perception, SimulatedBoxes
 from heel.services.pipeline import InProcessPipeline, RecordedFrames, load_pipeline
 from heel.services.run.in_process import run_in_process
 from heel.services.run.options import RunOptions
-from heel.services.run.outputs import RunOutputs
+from heel.services.run.outputs import RunOutputs, track_rows
 from heel.services.run.summary import RunSummary
 from heel.services.simulator.scenarios import SCENARIOS, scenario
 from heel.services.simulator.state import CameraMount
@@ -47,8 +56,9 @@ from heel.services.tracker.given_boxes.sequence import track_sequence
 from heel.services.tracker.settings import TrackerSettings
 from tests.unit.detector.drawn_networks import red_finder
 
-TRACKS, COMMANDS, POSES = "tracks.txt", "commands.csv", "poses.csv"
-FILES = (TRACKS, COMMANDS, POSES)
+TRACKS, COMMANDS = "tracks.txt", "commands.csv"
+POSES, OUTCOMES = "poses.csv", "outcomes.csv"
+FILES = (TRACKS, COMMANDS, POSES, OUTCOMES)
 PRESETS = ("default", "paper")
 SCENES = ("demo", "crossing", "pacing", "empty")
 SHORT_FRAMES = 200
@@ -59,8 +69,9 @@ the presets differ in the size of the working picture alone."""
 SEED = 1
 SHORT_EPISODE = "drop-out"
 _SHORT_S = 25.0
+"""Time for a choice, following, and the camera's first drop-out."""
 _POINTED_AT = 20
-_WINDOW = (384, 288)
+"""Frame, chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +91,7 @@ class Case:
 
 def all_cases() -> list[Case]:
     """Everything that can be played here: recordings only where `HEEL_DATA` has some."""
-    return [*_drawn(), *_episodes(), *_boxes(), *_recorded()]
+    return [*_drawn(), *_windows(), *_recorded(), *_boxes(), *_episodes()]
 
 
 def _drawn() -> Iterator[Case]:
@@ -123,6 +134,18 @@ def _recorded() -> Iterator[Case]:
                 yield Case(f"{name}/{preset}-{model.stem}", look)
 
 
+def _windows() -> Iterator[Case]:
+    if (moved_over := data_folder() / SEQUENCE).is_dir():
+        for name, script in {"follows": following, "pans": panning}.items():
+            yield Case(f"window/{SEQUENCE}/{name}", partial(_scripted, moved_over, script))
+        yield Case(f"turned/{SEQUENCE}/pixels", partial(_turned, moved_over, "pixels"))
+    for sequence in (data_folder() / name for name in SEQUENCES):
+        if sequence.is_dir():
+            yield Case(
+                f"turned/{sequence.name}/true-boxes", partial(_turned, sequence, "true-boxes")
+            )
+
+
 def _has_pictures(sequence: Path) -> bool:
     return (sequence / "img1").is_dir() or (sequence / "video.mp4").is_file()
 
@@ -147,11 +170,11 @@ def _turning(scene: str, frames: int, out: Path) -> None:
     pipeline, _ = load_pipeline("default", "nearest", None)
     with RecordedFrames(scene) as source, _outputs(out) as outputs:
         size = source.source.width, source.source.height
-        path = panning({}, frames, size, _WINDOW)
+        path = panning({}, frames, size, WINDOW)
         for (frame, image, _), (x, y) in zip(source, path.tolist(), strict=False):
-            place = PanSettings(width=_WINDOW[0], height=_WINDOW[1], x=x, y=y)
+            place = PanSettings(width=WINDOW[0], height=WINDOW[1], x=x, y=y)
             view = PanWindow(size, place).view(image, frame.index)
-            result = pipeline.step(frame, view, _WINDOW)
+            result = pipeline.step(frame, view, WINDOW)
             outputs.tracks(result.tracks)
             outputs.command(result.command)
 
@@ -178,6 +201,35 @@ def _given_boxes(sequence: Path, pictures: bool, out: Path) -> None:
     picture = pictures_by_number(sequence) if pictures else None
     tracked = track_sequence(read_given(sequence), picture=picture)
     write_tracks(out / TRACKS, shown_rows(tracked))
+
+
+def _scripted(sequence: Path, script: Script, out: Path) -> None:
+    """A window that goes over a recording by a script (`benchmarks/scripted_pan.py`)."""
+    cv2.setNumThreads(1)
+    pipeline, _ = load_pipeline("default", "nearest", None)
+    with _outputs(out) as outputs:
+        for frame in scripted_frames(sequence, WINDOW, script, SEED):
+            result = pipeline.step(frame.id, frame.image, WINDOW)
+            outputs.tracks(result.tracks)
+            outputs.command(result.command)
+
+
+def _turned(sequence: Path, how: PerceptionName, out: Path) -> None:
+    """Everybody of a recording followed by a window that turns (`benchmarks/virtual_pan.py`)."""
+    cv2.setNumThreads(1)
+    rows: list[list[str]] = []
+
+    def look() -> _NotedWindow:
+        rows.append([])
+        return _NotedWindow(perception_of(how), rows[-1])
+
+    outcomes = follow_everybody(sequence, PanSettings(), look)
+    (out / TRACKS).write_text("".join("".join(one) for one in rows), encoding="ascii")
+    columns = ("person", "visible", "since_chosen", "in_window", "kept", "wrong")
+    lines = [",".join(columns), *(
+        ",".join(str(getattr(one, column)) for column in columns) for one in outcomes
+    )]  # fmt: skip
+    (out / OUTCOMES).write_text("".join(f"{line}\n" for line in lines), encoding="ascii")
 
 
 def _episode(name: str, out: Path, duration_s: float | None = None) -> None:
@@ -207,6 +259,21 @@ class _Noted:
 
     def point(self, pointed: Pointed) -> None:
         self._perception.point(pointed)
+
+
+class _NotedWindow:
+    """The same in a window of a recording."""
+
+    def __init__(self, perception: WindowPerception, rows: list[str]) -> None:
+        self._perception, self._rows = perception, rows
+
+    def see(
+        self, frame: FrameId, image: NDArray[np.uint8], offset_px: tuple[float, float],
+        truth: InWindow,
+    ) -> Tracks:  # fmt: skip
+        tracks = self._perception.see(frame, image, offset_px, truth)
+        self._rows += track_rows(tracks)
+        return tracks
 
 
 class _NotedDrive(Drive):

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks import same
-from benchmarks.same import Kept, Played, Rows, moved, read_kept, rows_in
-from benchmarks.same_cases import COMMANDS, TRACKS, Case
+from benchmarks.same import Kept, Played, Rows, case_of, moved, read_kept, rows_in
+from benchmarks.same_cases import COMMANDS, TRACKS, Case, all_cases
 from heel.schemas.errors import HeelError, SettingsError
 from tests.support.processes import finished
 
@@ -32,6 +32,12 @@ def test_drawn_scenes_come_out_as_they_are_kept() -> None:
         pytest.skip(same.other_machine(made_on))
     code, out, err = finished("-m", "benchmarks.same", "--short", deadline_s=360.0)
     assert code == 0, f"moved (renew if it is meant to: benchmarks/same.py):\n{out}{err}"
+
+
+def test_whatever_needs_no_recordings_is_kept() -> None:
+    kept = {case_of(name) for name in read_kept(same.KEPT).files}
+    drawn = {case.name for case in all_cases() if case.name.startswith(("drawn/", "episode/"))}
+    assert drawn <= kept
 
 
 def test_a_file_that_has_changed_is_named_with_its_rows(tmp_path: Path) -> None:
