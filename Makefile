@@ -58,7 +58,7 @@ mutants: $(READY)  ## halve and double every constant of detector, tracker, foll
 	$(BIN)/python -m benchmarks.mutants --write docs/records/mutants.md
 
 same: $(READY)  ## does everything still come out the same, on all recordings, scenes and episodes
-	$(BIN)/python -m benchmarks.same
+	nice $(BIN)/python -m benchmarks.same
 
 same-short: $(READY)  ## the same on drawn scenes, in a minute
 	$(BIN)/python -m benchmarks.same --short

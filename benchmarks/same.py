@@ -43,7 +43,7 @@ import numpy as np
 import typer
 
 from benchmarks.common import data_folder
-from benchmarks.same_cases import FILES, MODEL_FRAMES, Case, all_cases
+from benchmarks.same_cases import FILES, MODEL_FRAMES, MOST_FRAMES, Case, all_cases
 from heel.schemas.errors import HeelError, SettingsError
 from heel.services.runtime.command_line import run_app
 from heel.services.runtime.process import PARENT_VARIABLE, die_with_parent
@@ -52,15 +52,14 @@ from heel.services.runtime.settings import ENVIRONMENT_PREFIX
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 KEPT = Path(__file__).with_suffix(".txt")
 _LONGEST_S = 3 * 3600.0
-_NICE = 10
 _DIGITS = 16
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _MADE_ON = "# made on: "
 _HEAD = f"""\
 # What `make same` compares with: hash, rows and name of every file that a case leaves.
 # Renew with `python -m benchmarks.same --renew`, with --short or --only NAME for some of them.
-# Recordings are played whole; with a network their first {MODEL_FRAMES["default"]} frames, and
-# {MODEL_FRAMES["paper"]} with the paper's preset.
+# Of recordings the first {MOST_FRAMES} frames are played, boxes from files whole; with a network
+# the first {MODEL_FRAMES["default"]}, or {MODEL_FRAMES["paper"]} with the paper's preset.
 # Left out: episodes on rendered pictures, which take minutes each; live runs, which depend on time;
 # lossless runs through the processes, which equal these byte for byte (tests/integration).
 """
@@ -158,19 +157,16 @@ def check_renewal(kept: Kept, cases: Iterable[Case]) -> None:
         raise SettingsError(f"{other_machine(kept.made_on)}: renew all cases, or none")
 
 
-def renewed(kept: Kept, played: Iterable[Played]) -> Kept:
-    """What is kept, with what was played in the place of what those cases left before.
+def renewed(kept: Kept, played: Played) -> Kept:
+    """What is kept, with a case's files in the place of what it left before.
 
     Raises:
-        HeelError: a case failed.
+        HeelError: it failed.
     """
-    files = dict(kept.files)
-    for one in played:
-        if one.error:
-            raise HeelError(f"{one.name}: {one.error}: nothing is renewed")
-        files = {name: rows for name, rows in files.items() if case_of(name) != one.name}
-        files |= one.files
-    return Kept(files, this_machine())
+    if played.error:
+        raise HeelError(f"{played.name}: {played.error}: not renewed")
+    others = {name: rows for name, rows in kept.files.items() if case_of(name) != played.name}
+    return Kept(others | played.files, this_machine())
 
 
 def rows_in(folder: Path, case: str) -> dict[str, Rows]:
@@ -271,13 +267,15 @@ def play_all(cases: Sequence[Case], jobs: int, out: Path) -> Iterator[Played]:
         raise HeelError(f"not done after {_LONGEST_S:g} s: --only NAME finds what hangs") from None
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+        # Idle, or of a run that was given up: there is nothing to lose.
+        for process in multiprocessing.active_children():
+            process.kill()
 
 
 def _start_worker() -> None:
     """Ends with its parent; settings of the user's own must not reach the cores."""
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(_NICE)
     for name in [name for name in os.environ if name.startswith(ENVIRONMENT_PREFIX)]:
         del os.environ[name]
 
@@ -300,7 +298,17 @@ def play(case: Case, out: Path) -> Played:
     return Played(case.name, rows_in(out, case.name), time.monotonic() - started_s, error)
 
 
-def _told(one: Played, lines: Sequence[str], against: Path | None, out: Path) -> Iterator[str]:
+def _word(one: Played, kept: Files | None) -> str:
+    if one.error:
+        return "FAILED"
+    if kept is None:
+        return "played"
+    if not any(case_of(name) == one.name for name in kept):
+        return "new"
+    return "MOVED" if moved(kept, one) else "same"
+
+
+def _told(lines: Sequence[str], against: Path | None, out: Path) -> Iterator[str]:
     """What is said of a case that is not as it was."""
     for line in lines:
         yield line
@@ -336,7 +344,7 @@ def main(
     if listed:
         typer.echo("\n".join(case.name for case in cases))
         return
-    if against is not None and (renew or not against.is_dir()):
+    if against is not None and (renew or not against.is_dir() or against == out):
         raise SettingsError(f"--against {against}: give the folder of another run, and no --renew")
     kept = read_kept(KEPT)
     here = kept.made_on == this_machine()
@@ -345,44 +353,45 @@ def main(
         kept, here = Kept({name: rows for one in files for name, rows in one.items()}), True
     elif renew:
         check_renewal(kept, cases)
+        kept = kept if here else Kept()
     elif not here and out is None:
         raise HeelError(
             f"{other_machine(kept.made_on)}: compare two commits here, one with --out DIR and the "
             "other with --against DIR"
         )
+    before = kept.files if here else None
+    lines: list[str] = []
+    failed = False
     with tempfile.TemporaryDirectory() as scratch:
-        played, lines = _play_and_tell(
-            cases, jobs, out or Path(scratch), kept.files if here else None, against
-        )
-    if renew:
-        write_kept(KEPT, renewed(kept, played))
-        typer.echo(f"wrote {KEPT}")
-        return
-    if not here:
-        typer.echo(f"{other_machine(kept.made_on)}: not compared; the rows are in {out}")
+        folder = out or Path(scratch)
+        for one in _with_progress(cases, jobs, folder, before):
+            failed |= bool(one.error)
+            if before is not None or one.error:
+                lines += _told(moved(before or {}, one), against, folder)
+            if renew and not one.error:
+                # After each case: what was played before an interruption is not lost.
+                kept = renewed(kept, one)
+                write_kept(KEPT, kept)
     absent = sorted({case_of(name) for name in kept.files} - {case.name for case in every})
     if absent:
         typer.echo(f"not played, for they are not here: {', '.join(absent)}")
-    typer.echo("\n".join(lines) or f"{len(played)} cases: nothing has moved")
-    if lines:
+    if not here and not renew:
+        lines.append(f"{other_machine(kept.made_on)}: not compared; the rows are in {out}")
+    typer.echo("\n".join(lines) or f"{len(cases)} cases: nothing has moved")
+    if failed or (here and lines and not renew):
         raise typer.Exit(1)
 
 
-def _play_and_tell(
-    cases: Sequence[Case], jobs: int, out: Path, kept: Files | None, against: Path | None
-) -> tuple[list[Played], list[str]]:
-    """Play cases with a line of progress each; all of them, and what is to be said of them."""
+def _with_progress(
+    cases: Sequence[Case], jobs: int, out: Path, before: Files | None
+) -> Iterator[Played]:
+    """Play cases, with a line about each and the time in all."""
     started_s = time.monotonic()
-    played: list[Played] = []
-    lines: list[str] = []
-    for one in play_all(cases, jobs, out):
-        played.append(one)
-        found = [] if kept is None and not one.error else moved(kept or {}, one)
-        lines += _told(one, found, against, out)
-        word = "FAILED" if one.error else "MOVED" if found else "played" if kept is None else "same"
-        typer.echo(f"[{len(played)}/{len(cases)}] {one.name}: {word}, {one.seconds:.1f} s")
-    typer.echo(f"{len(played)} cases in {time.monotonic() - started_s:.0f} s")
-    return played, lines
+    for number, one in enumerate(play_all(cases, jobs, out), 1):
+        word = _word(one, before)
+        typer.echo(f"[{number}/{len(cases)}] {one.name}: {word}, {one.seconds:.1f} s")
+        yield one
+    typer.echo(f"{len(cases)} cases in {time.monotonic() - started_s:.0f} s")
 
 
 if __name__ == "__main__":

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks import same
-from benchmarks.same import Kept, Played, Rows, case_of, moved, read_kept, rows_in
-from benchmarks.same_cases import COMMANDS, TRACKS, Case, all_cases
+from benchmarks.same import Kept, Played, Rows, moved, read_kept, rows_in
+from benchmarks.same_cases import COMMANDS, TRACKS, Case
 from heel.schemas.errors import HeelError, SettingsError
 from tests.support.processes import finished
 
@@ -26,18 +26,12 @@ def played(tmp_path: Path, text: str) -> Played:
     return same.play(Case("drawn/one/default", partial(write, text)), tmp_path)
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(640)
 def test_drawn_scenes_come_out_as_they_are_kept() -> None:
     if (made_on := read_kept(same.KEPT).made_on) != same.this_machine():
         pytest.skip(same.other_machine(made_on))
-    code, out, err = finished("-m", "benchmarks.same", "--short", deadline_s=360.0)
+    code, out, err = finished("-m", "benchmarks.same", "--short", deadline_s=600.0)
     assert code == 0, f"moved (renew if it is meant to: benchmarks/same.py):\n{out}{err}"
-
-
-def test_whatever_needs_no_recordings_is_kept() -> None:
-    kept = {case_of(name) for name in read_kept(same.KEPT).files}
-    drawn = {case.name for case in all_cases() if case.name.startswith(("drawn/", "episode/"))}
-    assert drawn <= kept
 
 
 def test_a_file_that_has_changed_is_named_with_its_rows(tmp_path: Path) -> None:
@@ -62,15 +56,15 @@ def test_files_that_come_and_go_and_new_cases_are_named(tmp_path: Path) -> None:
 def test_a_case_that_fails_is_told_and_never_kept(tmp_path: Path) -> None:
     failed = same.play(Case("drawn/broken/default", broken), tmp_path)
     assert moved({}, failed) == ["drawn/broken/default: default is broken"]
-    with pytest.raises(HeelError, match="broken/default: default is broken: nothing is renewed"):
-        same.renewed(Kept(), [failed])
+    with pytest.raises(HeelError, match="broken/default: default is broken: not renewed"):
+        same.renewed(Kept(), failed)
 
 
 def test_renewing_leaves_what_was_not_played(tmp_path: Path) -> None:
     now = played(tmp_path, "1\n")
     other = {"drawn/two/paper/tracks.txt": Rows("f" * 16, 7)}
     gone = {f"{now.name}/{COMMANDS}": Rows("0" * 16, 1)}
-    kept = same.renewed(Kept({**other, **gone}, same.this_machine()), [now])
+    kept = same.renewed(Kept({**other, **gone}, same.this_machine()), now)
     file = tmp_path / "kept.txt"
     same.write_kept(file, kept)
     assert read_kept(file) == kept
