@@ -17,10 +17,15 @@ from heel.evaluation.rows import RowKind
 from heel.schemas.errors import HeelError
 
 PEDESTRIAN = 1
+"""MOTChallenge's number of the class that is scored."""
 _NOT_SCORED = (2, 7, 8, 12)
 """Ignored by the protocol: whoever or whatever looks like a pedestrian and is not evaluated."""
 _MOST_CLASS = 13
-_VISDRONE_MOST, _VISDRONE_PEOPLE = 11, (1, 2)
+"""Largest class of MOTChallenge: 13 is a crowd."""
+_VISDRONE_MOST = 11
+"""Largest category of VisDrone: 11 is `others`."""
+_VISDRONE_PEOPLE = (1, 2)
+"""VisDrone's `pedestrian` and `people`, who sit, ride or lie."""
 
 
 @dataclass(frozen=True)

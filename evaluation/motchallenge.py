@@ -32,7 +32,10 @@ from heel.services.sequence_file import SEQUENCE_FILE, read_sequence_file, seque
 
 _log = logging.getLogger("heel.evaluation")
 _MORE = 3
+"""Columns behind the seventh that are read: class, visibility and a third, by which VisDrone is
+told."""
 _REQUIRED_COLUMNS: dict[RowKind, int] = {"ground truth": 7, "detections": 7, "tracks": 6}
+"""Fewer are no row: up to the confidence (or the flag), which tracks may leave out."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,16 +10,30 @@ from numpy.typing import NDArray
 from heel.evaluation.rows import BoxRows
 from heel.schemas.errors import HeelError
 
-MOST_FRAMES_WITHOUT_BOXES, MOST_FRAMES_WITHOUT_TRACKS = 100_000, 1_000_000
-"""One hour and eleven hours at 25 frames a second: what a detector finds is seldom so little, and
-a mistyped frame number costs minutes."""
-_MOST_SHARE, _MOST_PLACE = 1.0, 2.0
+MOST_FRAMES_WITHOUT_BOXES = 100_000
+"""One hour at 25 frames a second: what a detector finds is seldom so little, and a mistyped frame
+number costs minutes."""
+MOST_FRAMES_WITHOUT_TRACKS = 1_000_000
+"""Eleven hours at 25 frames a second: tracks may be rarer than boxes."""
+_MOST_SHARE = 1.0
+"""Largest width or height of boxes that are shares of the picture: all of it."""
+_MOST_PLACE = 2.0
+"""And their farthest corner: a picture's size outside of it."""
 _REACH = 1.02
+"""Boxes of people at the border end outside of the picture, by so much of its size at most; chosen
+by hand."""
 _FAR_SHARE = 0.3
+"""Share of boxes that reach farther, from which all of them are doubted; chosen by hand."""
 _OUTSIDE_SHARE = 0.5
+"""Share of boxes whose middle lies outside, from which they are of other pictures: most."""
 _CORNERS_CORRELATION = 0.9
+"""Right and bottom edges correlate with left and top ones, which widths and heights hardly do;
+chosen by hand."""
 _LEAST_ROWS = 10
+"""Fewer rows can correlate by chance; chosen by hand."""
 _OTHER_SIZE = 1.5
+"""Ratio of two files' extents in every direction from which they are of pictures of different
+sizes; chosen by hand."""
 
 _log = logging.getLogger("heel.evaluation")
 

@@ -26,7 +26,9 @@ from heel.evaluation.alignment import (
 )
 
 _ALPHAS = np.arange(0.05, 0.99, 0.05)
+"""Thresholds of overlap over which HOTA is averaged: 0.05 to 0.95, the definition's."""
 _NOBODY = -1
+"""Identities are numbered from 0."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,9 @@ from heel.services.geometry.boxes import iou, iou_matrix
 ELSEWHERE_IOU = 0.2
 """A box that overlaps the target less than this is on something else, most often somebody else."""
 PRECISION_PX = 20.0
+"""Of the source's picture: the threshold of OTB's precision plot, by which trackers are ranked."""
 _SUCCESS_IOUS = np.linspace(0.0, 1.0, 21)
+"""Thresholds of OTB's success plot, whose mean is the area under it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ class Constant:
         value: the expression assigned.
         explained: a docstring follows, or a comment stands on its lines or above its block.
             Names that share one assignment (`A, B = 1, 2`) are not explained: one text cannot
-            give the unit and reason of each.
+            give the unit and reason of each. It can for an enumeration (`A, B = range(2)`).
     """
 
     name: str
@@ -58,7 +58,8 @@ def constants(source: str) -> list[Constant]:
         if not names or not _holds_number(statement.value):
             continue
         beside = covered_to == last or any(line in comments for line in range(first, last + 1))
-        explained = len(names) == 1 and (beside or _is_text(following))
+        one_meaning = len(names) == 1 or isinstance(statement.value, ast.Call)
+        explained = one_meaning and (beside or _is_text(following))
         found += [Constant(name, first, statement.value, explained) for name in names]
     return found
 

@@ -7,7 +7,11 @@ import numpy as np
 from heel.evaluation.following.log import EpisodeLog
 
 PERSONAL_SPACE_M = 1.0
+"""Nearer is within the personal distance of Hall's proxemics (0.45 to 1.2 m); the follower's own
+`personal_space_m` by default."""
 _CLOSING_MPS = 0.05
+"""A robot that comes nearer more slowly than this stands, as far as a walker can tell; chosen by
+hand."""
 _SEEN = 0.1
 """Share of a box that has to be seen of somebody."""
 

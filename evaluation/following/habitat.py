@@ -12,9 +12,14 @@ import numpy as np
 
 from heel.evaluation.following.log import STEP_S, EpisodeLog
 
-_NEAREST_M, _FARTHEST_M = 1.0, 2.0
+_NEAREST_M = 1.0
+"""A step that follows is at least so far from the person; the benchmark's."""
+_FARTHEST_M = 2.0
+"""And at most so far; the benchmark's."""
 _LEAST_FACING = 0.5
+"""Cosine of the angle between the robot's heading and the person, 60 degrees; the benchmark's."""
 _STEPS_TO_FIND = 1500
+"""Steps in which the person has to be found; the benchmark's length of an episode."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,11 +21,21 @@ from heel.services.geometry.camera import GroundCamera, focal_length_px
 
 FloatArray = NDArray[np.float64]
 _LEAST_BOXES = 30
+"""Below it three unknowns and a share of wrong boxes are too much; chosen by hand: a second of a
+walk."""
 _BORDER_PX = 2.0
+"""A box this near to the border of the picture may be cut off by it, so its feet or head are not
+where it ends; chosen by hand."""
 _SOFT_PX = 3.0
+"""Scale of the Cauchy loss: heads farther off than this hardly count; chosen by hand."""
 _ALIKE_BOXES = 10.0
 """Boxes of neighbouring frames are wrong alike: ten of them are worth one."""
-_LEAST_PITCH_RAD, _GREATEST_PITCH_RAD = -0.6, 1.4
+_LEAST_PITCH_RAD = -0.6
+"""Lowest pitch that is tried, 34 degrees upwards; chosen by hand: people at any distance are cut
+off beyond."""
+_GREATEST_PITCH_RAD = 1.4
+"""Steepest pitch that is tried, 80 degrees downwards; chosen by hand: straight down, heads and feet
+cover each other."""
 
 
 class CalibrationError(HeelError):

@@ -31,17 +31,23 @@ __all__ = ["Evidence", "PersonModel", "PersonPosition", "locate_person", "locate
 
 Evidence = Literal["feet and head", "feet", "head", "height", "cut height", "width", "bound"]
 _AGREE_SIGMAS = 3.0
+"""Two judgements of a distance agree that differ by no more of their standard deviations: 99.7 % of
+what chance does."""
 _AGREE_SHARE = 0.12
 """So much of the distance apart, two judgements of it agree, besides what edges of boxes err."""
 _STRIDE = 1.6
 """A stride seen from the side widens a box by that; it does not bring anybody nearer."""
 _SEATED = 1.25
 """So much wider than a narrow adult is who sits."""
-_WIDER, _DOUBTFULLY_WIDER = 1.1, 1.3
-"""Boxes of the same person vary that much in width; and from there on something is wrong."""
+_WIDER = 1.1
+"""Boxes of the same person vary so much in width; chosen by hand."""
+_DOUBTFULLY_WIDER = 1.3
+"""From so much wider on, something about the distance is wrong; chosen by hand."""
 _WIDEST_M = 1.0
 """No person is wider, in a stride seen from the side or in a wheelchair seen from the front."""
 _DOUBTFUL_SHARE = 0.25
+"""Standard deviation of a distance that rests on one doubtful edge, share of the distance; chosen
+by hand, wide enough that any other evidence counts for more."""
 _SUNK_M = 1.0
 """Somebody low right before a camera of unknown mounting: within `personal_space_m`, not nearer."""
 

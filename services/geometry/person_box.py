@@ -12,7 +12,10 @@ import numpy as np
 from heel.services.geometry.camera import GroundCamera, Pinhole
 
 _FARTHEST_M = 1000.0
+"""Distances end here, so that horizons and slopes of zero stay finite; any robot is far from it."""
 _TALL_SIGMAS = 3.0
+"""The tallest person is so many standard deviations of human height above the mean: one in a
+thousand is taller."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,12 @@ from heel.services.simulator.views import lens, to_robot
 _BACKGROUND_M = 5.0
 """Typical distance of what features are found on; what is nearer moves more than they say."""
 _LEAST_PX = 0.05
+"""A smaller shift of the picture between two frames is none: detectors cannot measure it either;
+chosen by hand."""
 _NOISE_PX = 0.2
+"""Standard deviation of a measured shift of the picture, whatever its size; chosen by hand."""
 _NOISE_SHARE = 0.01
+"""And the share of the shift that comes on top; chosen by hand."""
 
 
 class EgoMotion:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 _ADAPTS_S = 0.5
+"""Time constant of the gain; chosen by hand."""
 _USABLE = 0.6
 """Log of the error of exposure at which pictures are about half as good."""
 

@@ -13,8 +13,12 @@ from heel.services.simulator.state import Colour, Obstacle, RobotState
 from heel.services.simulator.views import to_robot
 
 Array = NDArray[np.float64]
-_NEAR_M, _FAR_M = 1.5, 9.0
+_NEAR_M = 1.5
+"""Nearest place of a box on nothing; chosen by hand: nearer, it would fill the picture."""
+_FAR_M = 9.0
+"""Farthest place of one; chosen by hand: about the far wall of a room."""
 _MOST = 4
+"""At a time, however high the rate is set; chosen by hand."""
 
 
 @dataclass(frozen=True, slots=True)

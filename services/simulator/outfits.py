@@ -9,11 +9,15 @@ import numpy as np
 from heel.services.simulator.state import Colour, Outfit
 
 _HAIR: tuple[Colour, ...] = ((30, 26, 28), (84, 52, 34), (196, 156, 92), (150, 150, 148))
+"""Chosen by hand: black, brown, fair, grey."""
 _SKIN: tuple[Colour, ...] = ((224, 180, 150), (186, 134, 96), (132, 88, 62))
+"""Chosen by hand: light, medium, dark."""
 _LEGS: tuple[Colour, ...] = (
     (42, 62, 108), (40, 40, 44), (120, 104, 80), (92, 94, 98), (58, 70, 48), (170, 160, 140),
 )  # fmt: skip
+"""Trousers; chosen by hand: the muted colours of a street."""
 _SHOES: tuple[Colour, ...] = ((28, 26, 26), (232, 230, 226), (110, 72, 44), (150, 36, 36))
+"""Chosen by hand: black, white, brown, red."""
 _SIMILAR = 0.15
 """Share of people whose upper body has about the hue of the first one's."""
 

@@ -15,25 +15,34 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Pixels = NDArray[np.uint8]
 
-PATCH_WIDTH, PATCH_HEIGHT = 12, 24
+PATCH_WIDTH = 12
+"""Pixels of a crop; chosen by hand: enough for colours of four parts and a side that is lit."""
+PATCH_HEIGHT = 24
+"""Pixels of a crop: people are twice as high as their boxes are wide, or more."""
 _X = (np.arange(PATCH_WIDTH) + 0.5) / PATCH_WIDTH
+"""Middle of each column, share of a crop's width."""
 _Y = (np.arange(PATCH_HEIGHT) + 0.5) / PATCH_HEIGHT
+"""Middle of each row, share of a crop's height."""
 
 # Rows of a body from head to foot, in shares of its height, and what shows there.
 _PARTS_END = np.array([0.06, 0.15, 0.50, 0.94])
 _HAIR, _FACE, _TOP, _LEGS, _SHOES, _WALL, _FLOOR, _OTHER_TOP, _OTHER_LEGS = range(9)
+"""Columns of the table of colours: parts of a body, then what else a pixel can show."""
 _HALF_WIDTH = np.array([0.07, 0.07, 0.13, 0.11, 0.12])
 """Of each part, in shares of a body's height."""
 _HORIZON = 0.7
 """Share of a box above which the background is wall or sky rather than floor."""
 _INDOORS: Colour = (196, 190, 180)
+"""Walls; chosen by hand."""
 _OUTDOORS: Colour = (150, 172, 160)
+"""What stands behind people outdoors; chosen by hand."""
 _FLOORS: dict[Floor, Colour] = {
     "tiles": (170, 165, 158),
     "wood": (150, 112, 76),
     "asphalt": (96, 96, 98),
     "grass": (92, 122, 62),
 }
+"""Colour of each floor; chosen by hand."""
 
 
 @dataclass(frozen=True, slots=True)

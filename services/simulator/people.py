@@ -22,14 +22,26 @@ from heel.services.simulator.walks import Situation, Walker
 Array = NDArray[np.float64]
 
 _HORIZON_S = 2.0
+"""People look so far ahead for whom they would meet; chosen by hand."""
 _PERSON_MARGIN_M = 0.35
+"""Air that people keep between each other; chosen by hand."""
 _ROBOT_MARGIN_M = 1.1
+"""Air that people keep to a robot: more than to each other, since they do not know what it will do;
+chosen by hand."""
 _WALL_MARGIN_M = 0.35
+"""Air that people keep to walls; chosen by hand."""
 _AVOID_MPS = 1.2
+"""Speed at which they step aside, at most; chosen by hand: a brisk walk."""
 _MAX_MPS2 = 2.5
+"""Largest change of a walker's velocity; chosen by hand: a stop from a walk within one step."""
 _HURRY = 1.4
+"""People walk so many times faster than they like, at most, to get out of the way; chosen by
+hand."""
 _TURN_RADPS = 3.5
+"""Fastest turn of a body, half a circle in 0.9 s; chosen by hand."""
 _ROBOT_GAP_M = 0.05
+"""No person steps into this much air around the robot by themselves, so that every contact is the
+robot's doing."""
 _ON_THEIR_FEET = 0.95
 """Share of the height of walking from which on whoever gets up walks."""
 _STRIDE_PER_HEIGHT = 0.8

@@ -11,6 +11,7 @@ from heel.services.simulator.stage import Place, Stage
 from heel.services.simulator.walks import Leg, Walk
 
 _TABLE = (0.7, 1.6, 0.75)
+"""Depth, width and height in metres of a table for four."""
 _BEHIND_M = 0.97
 """From the middle of a table to who sits at it; people keep off what they do not touch."""
 

@@ -40,3 +40,4 @@ UPRIGHT = SHAPES["upright"]
 CHANGE_PER_S = 0.6
 """Of `tall`: down into a crouch in 0.8 s. Who falls is at the mercy of gravity."""
 FALL_PER_S = 1.6
+"""Of `tall`: from upright to the floor in about 0.6 s, somewhat slower than free fall."""

@@ -204,6 +204,7 @@ SCENARIOS: dict[str, Callable[[Stage, str], Scenario]] = {
     "crowd": _crowd,
     "drop-out": _drop_out,
 }
+"""By name, in the order of the tables; the number of a `distractor` is that of people who cross."""
 
 
 def _sign(stage: Stage) -> float:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from heel.services.simulator.render.renderer import Renderer
 
 _LEAST_STEPS_HZ = 50.0
+"""The world moves at least so often, whatever the frame rate: commands come at 50 Hz."""
 _BEHIND_S = 0.25
 """A world that is later than this goes on from now instead of hurrying after the clock."""
 

@@ -13,6 +13,7 @@ from heel.services.simulator.state import Obstacle
 
 Array = NDArray[np.float64]
 _TINY = 1e-12
+"""Below it a length is zero: a guard against division."""
 
 
 class Solids:

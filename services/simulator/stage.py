@@ -30,9 +30,16 @@ Array = NDArray[np.float64]
 Place = tuple[float, float]
 
 MAX_PEOPLE = 16
+"""That a scenario may hold: so many outfits are made, so that adding a person dresses nobody
+anew."""
 WALL_M = 0.2
+"""Thickness; chosen by hand."""
 WALL_HEIGHT_M = 2.6
-SHORTEST_S, LONGEST_S = 30.0, 60.0
+"""Of a room; the usual."""
+SHORTEST_S = 30.0
+"""Of an episode; chosen by hand: long enough to lose the person and find them again."""
+LONGEST_S = 60.0
+"""Of an episode; chosen by hand: a set of episodes stays within hours."""
 _CLEARANCE_M = 1.5
 """Between furniture and everybody's way, so that who follows by sight alone meets none."""
 _FURNITURE = (

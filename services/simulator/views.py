@@ -14,8 +14,10 @@ from heel.services.simulator.state import CameraMount, RobotState, WorldView
 
 Array = NDArray[np.float64]
 
-COLUMNS, ROWS = 5, 9
-"""Cells of a box in which somebody is looked for."""
+COLUMNS = 5
+"""Cells across a box, in which a person is looked for; chosen by hand: a fifth of a body."""
+ROWS = 9
+"""Cells down a box; likewise, about square."""
 NEAR_M = 0.25
 """What is nearer than this to the camera has no box."""
 _STEP_PER_HEIGHT = 0.16
@@ -25,7 +27,9 @@ _STRIDES_FROM = 0.95
 _BODY_RADIUS_M = 0.2
 """Of what a body hides; arms and gaps let more through than the body as a disc does."""
 _ACROSS = (np.arange(COLUMNS) + 0.5) / COLUMNS - 0.5
+"""Middle of each column, from the middle of the box, share of its width."""
 _DOWN = (np.arange(ROWS) + 0.5) / ROWS
+"""Middle of each row, share of the box's height."""
 
 
 @dataclass(frozen=True, slots=True)

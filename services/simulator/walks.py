@@ -9,13 +9,21 @@ from dataclasses import dataclass
 from heel.services.simulator.postures import Posture
 
 _ROUND_CORNER_M = 0.4
+"""A point of the way on which nobody stops is passed within this; chosen by hand: walkers cut
+corners."""
 _STAND_WITHIN_M = 0.12
+"""One at which a walker stops is reached within this; chosen by hand."""
 _BRAKE_MPS2 = 0.8
+"""Walkers slow down before a stop by this; chosen by hand: over the last metre."""
 _HIDDEN_LIMIT_S = 20.0
+"""Longest wait of a walker that is to stay out of sight, should the robot never look away; chosen
+by hand."""
 _STROLL_MPS = 0.2
+"""Slower than this a walker stands; chosen by hand."""
 _GET_GOING_S = 0.3
 """What starting from a stand costs."""
 _BESIDE_M = 1.0
+"""A point that lies behind a walker counts as passed within this; chosen by hand."""
 
 
 @dataclass(frozen=True, slots=True)

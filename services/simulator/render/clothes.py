@@ -11,7 +11,9 @@ from heel.services.simulator.render.noise import Field, Picture, clouds
 from heel.services.simulator.state import Colour, Outfit
 
 _SIZE = 128
+"""Pixels of a texture's side; chosen by hand: a fold is some pixels wide at 2 m."""
 _WEAVES = 6
+"""Patterns of cloth there are."""
 _ALIKE = 12
 """Grey levels by which clothes that look the same may differ in every channel."""
 

@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 _LEVELS = 8
+"""Strengths of noise made beforehand, half a power of two apart: gains of a quarter to 32."""
 _MARGIN_PX = 64
+"""Noise is larger than the picture by this, and shifted anew in every frame: 4,096 places before
+one repeats."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,12 +12,32 @@ from heel.services.simulator.render.panda import core
 from heel.services.simulator.render.stage import SHADOW_SORT
 from heel.services.simulator.state import Colour, PersonState
 
-# Of somebody 1 m tall; from the proportions of the drawn canon of eight heads.
-_HIP, _THIGH, _SHIN, _SHOE = 0.53, 0.255, 0.235, 0.045
-_SHOULDER, _UPPER_ARM, _FOREARM = 0.815, 0.165, 0.15
+_HIP = 0.53
+"""Height of the joint, shares of the body's height as all of these; from the drawn canon of eight
+heads."""
+_THIGH = 0.255
+"""Length; from the same canon."""
+_SHIN = 0.235
+"""Length; from the same canon."""
+_SHOE = 0.045
+"""Height of the ankle above the ground; thigh, shin and shoe reach from the hip to the ground."""
+_SHOULDER = 0.815
+"""Height of the joint; from the same canon."""
+_UPPER_ARM = 0.165
+"""Length; from the same canon."""
+_FOREARM = 0.15
+"""Length; from the same canon."""
 _NORMAL_RADIUS_M = 0.25
+"""Of a body as wide as it is drawn; others are drawn wider or narrower by the ratio."""
 _FULL_STRIDE_MPS = 1.2
-_THIGH_SWING_RAD, _KNEE_BEND_RAD, _ARM_SWING_RAD = 0.46, 0.85, 0.5
+"""From this speed on the swing of the limbs is full; chosen by hand: a usual walk."""
+_THIGH_SWING_RAD = 0.46
+"""To either side in full stride, 26 degrees; chosen by hand."""
+_KNEE_BEND_RAD = 0.85
+"""Of the leg that swings forward, 49 degrees; chosen by hand, so that its foot clears the
+ground."""
+_ARM_SWING_RAD = 0.5
+"""To either side in full stride; chosen by hand."""
 
 
 class Figure:

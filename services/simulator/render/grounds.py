@@ -13,6 +13,7 @@ from heel.services.simulator.state import Floor
 PERIOD_M = 4.0
 """Every ground repeats after so many metres."""
 _SIZE = 1024
+"""Pixels of a texture's side: 4 mm of ground each."""
 
 
 def ground(floor: Floor, seed: int) -> Picture:

@@ -20,7 +20,10 @@ textures-power-2 up
 support-threads false
 notify-level error
 """
-_NEAR_M, _FAR_M = 0.05, 150.0
+_NEAR_M = 0.05
+"""Nearest that is drawn: within the robot's own body."""
+_FAR_M = 150.0
+"""Farthest that is drawn: beyond the horizon's drum."""
 
 
 class OffscreenCamera:

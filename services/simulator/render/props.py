@@ -18,9 +18,11 @@ from heel.services.simulator.render.noise import Picture, clouds, coloured, grey
 from heel.services.simulator.state import Colour, Obstacle, Outfit, PersonState
 
 _PAPER = (512, 256)
+"""Pixels, height and width."""
 _PAPER_M = 2.0
 """Height of the paper on which somebody 1.75 m tall is drawn."""
 _WOOD: Colour = (104, 74, 48)
+"""Of the coat stand; chosen by hand."""
 
 
 def drawn_person(seed: int) -> Picture:

@@ -18,16 +18,28 @@ from heel.services.simulator.render.noise import Picture
 from heel.services.simulator.render.panda import core
 from heel.services.simulator.state import Obstacle, Scenery
 
-FLOOR_SORT, SHADOW_SORT = 10, 20
+FLOOR_SORT = 10
+"""Order of drawing: the floor comes first."""
+SHADOW_SORT = 20
+"""Shadows come on the floor, before everything else."""
 Area = tuple[float, float, float, float]
 _CELL_M = 1.5
+"""Side of a piece of floor or wall that has one brightness; chosen by hand: small enough for light
+to fade smoothly."""
 _CHUNK_M = 9.0
+"""Floor is culled in squares of this side; chosen by hand: a room is one or a few."""
 _OUTSIDE_M = 36.0
+"""Ground reaches so far beyond the world outdoors; chosen by hand."""
 _OUTSIDE_CELL_M = 4.0
+"""And in coarser pieces, since no light fades there."""
 _CEILING_M = 2.8
+"""Height of a room without walls of its own; the usual."""
 _FAR_RADIUS_M = 100.0
+"""Of the drum on which the horizon is painted: walks of some metres do not shift it."""
 _POSTER_EVERY_M = 1.5
+"""Of wall; chosen by hand: enough marks for a camera that turns."""
 _OFF_WALL_M = 0.012
+"""In front of the wall, so that depth decides which of the two is drawn at any distance."""
 _SUN = (0.35, -0.55, -0.76)
 """Direction in which the light falls; oblique, so that sides differ in shade."""
 

@@ -8,9 +8,13 @@ import numpy as np
 from heel.services.simulator.render.noise import Picture, clouds, coloured, grey, streaks
 
 WALL_PERIOD_M = 4.0
+"""Plaster repeats after so many metres; chosen by hand."""
 CEILING_PERIOD_M = 2.4
+"""Panels repeat after so many metres: four of 0.6 m."""
 POSTERS_A_SIDE = 4
+"""Posters in a row and in a column of their one texture."""
 FURNITURE_KINDS = 3
+"""Textures of furniture there are."""
 
 
 def plaster(seed: int) -> Picture:

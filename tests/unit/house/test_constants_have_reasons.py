@@ -11,18 +11,18 @@ from benchmarks.mutants.constants import constants
 _ROOT = Path(__file__).resolve().parents[3]
 WITHOUT_REASON = {
     "schemas": 13,
-    "evaluation": 32,
+    "evaluation": 0,
     "services/capture": 58,
     "services/commands": 16,
-    "services/detector": 206,
+    "services/detector": 30,
     "services/drive": 1,
     "services/follower": 68,
-    "services/geometry": 13,
+    "services/geometry": 0,
     "services/loops": 33,
     "services/run": 18,
-    "services/runtime": 53,
-    "services/simulator": 90,
-    "services/tracker": 134,
+    "services/runtime": 51,
+    "services/simulator": 0,
+    "services/tracker": 120,
     "services/web": 27,
 }
 """Named numbers of a room that no text explains. The goal is 0: lower these, never raise them."""
@@ -57,6 +57,7 @@ def test_every_room_is_counted() -> None:
         ("# Of another block.\n\nA = 1", False),
         ("B = 2  # of another line\nA = 1", False),
         ('A, B = 1, 2\n"""One text for two."""', False),
+        ('A, B = range(2)\n"""Columns of a table."""', True),
         ("A: float = -1.5e3", False),
         ("A = np.array([1.0, 2.0])", False),
         ("A = f(2 * OTHER)", False),
