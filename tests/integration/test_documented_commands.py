@@ -1,0 +1,343 @@
+"""Every command and every Python block of README and docs is run, or listed with the reason.
+
+A line that stands on a page and in none of the tables below is a failure, and so is an entry that
+stands on no page any more.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import cv2
+import pytest
+
+from heel.schemas import Health, decode, keys
+from heel.services.capture.sources import open_source
+from heel.services.pipeline import scene_truth
+from tests.integration.test_readme import free_port, run, started
+from tests.support import network
+from tests.support.documents import Block, blocks
+from tests.support.processes import REPOSITORY
+
+pytestmark = pytest.mark.timeout(300)
+
+SCENE = "scene:demo?frames=300&width=320&height=240"
+
+HERE = {
+    "heel run 'scene:crossing?frames=120' --out results --annotate",
+    "heel eval ground_truth results",
+    "heel run incident.mp4 --out incident --annotate",
+    "heel calibrate walk.mp4 --person-height 1.75 --fov-deg 90 --out camera.toml",
+    "heel track-detections ../shared/data/PETS09-S2L1 --out tracks.txt",
+    "heel track-detections det.txt --out tracks.txt --fps 25 --image-size 1920x1080",
+    "heel track-detections det.txt --out tracks.txt --fps 25 --frames img1 --config settings.toml",
+    "heel capture 'pan:recording.mp4?width=384&height=288'",
+    "heel follower --max-linear-mps 0",
+    "heel follow 320 240",
+    "heel drive --driver log",
+    "heel capture /dev/video0 --calibration camera.toml",
+}
+"""Run below, with drawn scenes in place of cameras and recordings."""
+
+SLOW = {
+    "heel demo --scenario crowd --seed 2 --seconds 60": "a minute",
+    "heel simulator doorway --seed 7 --truth truth.jsonl": "an episode takes its time",
+    "heel scenarios": "42 episodes; one is run",
+    "heel scenarios --scenario twin --seed 7 --episodes 1 --out DIR --video": "renders",
+    "heel scenarios --processes --scenario straight --episodes 1": "an episode takes its time",
+    "heel scenarios --episodes 84 --seed 5000": "84 episodes; one is run",
+    "heel scenarios --episodes 84 --seed 5000 --json": "84 episodes; one is run",
+    "heel scenarios --postures --no-ranges --uncalibrated": "27 episodes; one is run",
+    "heel scenarios --pixels --episodes 112 --seed 9100": "112 episodes; one is run",
+    "python -m benchmarks.rendering": "renders",
+}
+"""Run by the slow test below, of many episodes one."""
+
+_README = "tests/integration/test_readme.py::"
+_SERVICES = _README + "test_one_service_each_and_the_commands_for_what_is_running"
+_REMOTE = "tests/integration/test_swap.py::test_tracks_go_on_when_a_service_moves_to_another_host"
+_DOCKER = "tests/docker/test_docs.py::test_the_commands_do_what_the_page_says"
+_STOPPING = "tests/integration/test_time_to_stop.py::test_the_robot_stands_in_time"
+_MODEL = "tests/integration/test_run_with_model.py::"
+
+ELSEWHERE = {
+    "heel demo --scene": _README + "test_the_drawn_scene_is_played_once_and_scored",
+    "heel demo": "tests/integration/test_demo.py::test_it_ends_after_so_long_and_says_how_it_went",
+    "heel run video.mp4 --out results --annotate": _README + "test_recording_commands",
+    "heel eval ground_truth results --plot plots": _README + "test_recording_commands",
+    "heel run video.mp4 --out live --live": _README + "test_recording_commands",
+    "heel run video.mp4 --out results --model yolox_nano.onnx":
+        _MODEL + "test_a_lossless_run_with_a_network_equals_the_cores_in_one_process",
+    "heel demo --model yolox_nano.onnx":
+        _MODEL + "test_with_a_network_the_demo_sees_in_pixels_and_says_so",
+    "heel status": _SERVICES,
+    "heel follow nearest": _SERVICES,
+    "heel stop": _SERVICES,
+    "heel resume": _SERVICES,
+    "heel router": _SERVICES,
+    "heel capture scene:demo --loop": _SERVICES,
+    "heel detector": _SERVICES,
+    "heel tracker": _SERVICES,
+    "heel follower": _SERVICES,
+    "heel drive": _SERVICES,
+    "heel web": _SERVICES,
+    "heel router --listen tcp/0.0.0.0:7447 --users-file users.txt":
+        _README + "test_remote_host_recipe",
+    "heel capture /dev/video0 --image-encoding jpeg --user robot --password-file secret":
+        _README + "test_remote_host_recipe",
+    "heel detector --connect tcp/robot.local:7447 --user remote --password-file secret2":
+        _README + "test_remote_host_recipe",
+    "umask 077": _REMOTE,
+    "echo choose-another-one > password": _REMOTE,
+    "export HEEL_ZENOH__USER=heel HEEL_ZENOH__PASSWORD_FILE=$PWD/password": _REMOTE,
+    'echo "heel:$(cat password)" > users.txt': _REMOTE,
+    "heel router --listen tcp/127.0.0.1:7447,tcp/192.168.1.7:7447 --users-file users.txt &":
+        _REMOTE,
+    "heel capture /dev/video0 --image-encoding jpeg &": _REMOTE,
+    "heel detector &": _REMOTE,
+    "heel tracker &": _REMOTE,
+    "heel follower &": _REMOTE,
+    "export HEEL_ZENOH__CONNECT=tcp/192.168.1.7:7447 HEEL_ZENOH__SHARED_MEMORY=false": _REMOTE,
+    "heel detector --instance remote &": _REMOTE,
+    "heel drive --driver serial-board --driver-options /dev/ttyUSB0":
+        "tests/unit/drive/test_serial_example.py::test_the_board_is_told_velocities_and_stops",
+    "docker compose build": _DOCKER,
+    "docker compose up -d": _DOCKER,
+    "docker compose ps": _DOCKER,
+    "docker compose exec -T web heel status": _DOCKER,
+    "docker compose logs tracker": _DOCKER,
+    "docker compose down -v": _DOCKER,
+    "HEEL_SOURCE=/videos/walk.avi docker compose up -d": _DOCKER,
+    "docker compose logs capture": _DOCKER,
+    "docker compose up":
+        _README + "test_docker_commands_are_those_of_the_docker_page_whose_commands_a_test_types",
+    "HEEL_SOURCE=/videos/walk.avi docker compose up":
+        _README + "test_docker_commands_are_those_of_the_docker_page_whose_commands_a_test_types",
+    "make results": _README + "test_what_make_results_and_make_bench_call_runs_on_a_drawn_scene",
+    "make bench": _README + "test_what_make_results_and_make_bench_call_runs_on_a_drawn_scene",
+    "python -m benchmarks.time_to_stop --trials 20 --write docs/records/stopping.md": _STOPPING,
+    'python -m benchmarks.time_to_stop --trials 50 --only "emergency stop,heel stop" '
+    "--write docs/records/stopping.md": _STOPPING,
+}  # fmt: skip
+"""Run by a test of its own, by name."""
+
+IN_CI = {"make demo", "make test", "make docs", "make lint", "make layers", "make types"}
+"""Steps of `.ci/run`."""
+
+NOT_RUN = {
+    "make check": "its parts are steps of .ci/run",
+    ". .venv/bin/activate": "the tests' own environment is active",
+    "sha256sum yolox_nano.onnx": "a check of a file that Heel does not ship",
+    "heel capture /dev/v4l/by-id/usb-046d_HD_Pro_Webcam_C920-video-index0 "
+    "--camera-width 1280 --camera-height 720 --camera-fourcc MJPG --fps 30":
+        "hardware: a USB camera",
+    "heel scenarios --pixels --model yolox_nano.onnx --episodes 14 --seed 9200":
+        "a network that Heel does not ship, and half an hour",
+    "python -m benchmarks.moving_camera --model yolox_nano.onnx "
+    "--write docs/records/moving-camera.md": "recordings, and a network that Heel does not ship",
+    "python -m benchmarks.empty_clicks --worlds 5 --anywhere 16 "
+    "--write docs/records/scenarios.md": "an hour; tests/unit/benchmarks tests its parts",
+    "make mutants": "hours",
+    "python -m benchmarks.mutants --sample 40": "an hour; tests/unit/benchmarks tests its parts",
+    "python -m benchmarks.mutants --only pointed/": "an hour; as above",
+    "python -m benchmarks.pictures docs": "overwrites the README's picture; needs Chromium",
+}  # fmt: skip
+"""Nothing runs these; `tests/unit/house/test_documents.py` checks that words and flags exist."""
+
+
+def documented() -> set[str]:
+    return {line for block in blocks("sh") for line in block.commands}
+
+
+def test_every_documented_command_is_run_or_listed_with_a_reason() -> None:
+    listed = HERE | set(SLOW) | set(ELSEWHERE) | IN_CI | set(NOT_RUN)
+    assert documented() - listed == set(), "on a page, and nothing runs it: add it to a table here"
+    assert listed - documented() - IN_CI == set(), "on no page any more"
+    parts = [HERE, SLOW, ELSEWHERE, IN_CI, NOT_RUN]
+    assert sum(map(len, parts)) == len(listed), "in two tables"
+
+
+def test_the_tests_and_steps_that_are_named_exist() -> None:
+    for line, name in ELSEWHERE.items():
+        file, _, function = name.partition("::")
+        assert f"def {function}(" in (REPOSITORY / file).read_text(encoding="utf-8"), line
+    steps = (REPOSITORY / ".ci" / "run").read_text(encoding="utf-8")
+    run_there = {f"make {target}" for line in re.findall(r"^make (.+)$", steps, re.MULTILINE)
+                 for target in line.split()}  # fmt: skip
+    assert run_there >= IN_CI
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with what the pages speak of: recordings, boxes, ground truth."""
+    root = tmp_path_factory.mktemp("desk")
+    folder = root / "work"
+    sequence = root / "shared" / "data" / "PETS09-S2L1"
+    (sequence / "det").mkdir(parents=True)
+    (folder / "img1").mkdir(parents=True)
+    (folder / "ground_truth" / "gt").mkdir(parents=True)
+    with open_source(SCENE) as source, ExitStack() as stack:
+        film = cv2.VideoWriter.fourcc(*"mp4v")
+        # The window that turns is cut out of a recording wider than itself.
+        sizes = {"walk.mp4": (320, 240), "incident.mp4": (320, 240), "recording.mp4": (640, 480)}
+        files = {}
+        for name, size in sizes.items():
+            files[name] = cv2.VideoWriter(str(folder / name), film, source.fps, size)
+            stack.callback(files[name].release)
+        for index in range(300):
+            frame = source.read()
+            assert frame is not None
+            cv2.imwrite(str(folder / "img1" / f"{index + 1:06d}.jpg"), frame.image)
+            for name, file in files.items():
+                if name != "incident.mp4" or index < 60:
+                    file.write(cv2.resize(frame.image, sizes[name]))
+    rows = "".join(scene_truth(SCENE).rows)
+    for file in (folder / "det.txt", sequence / "det" / "det.txt"):
+        # Ground truth as boxes of a detector: without identities.
+        file.write_text(re.sub(r"^(\d+),\d+,", r"\1,-1,", rows, flags=re.MULTILINE))
+    (sequence / "seqinfo.ini").write_text(
+        "[Sequence]\nname=PETS09-S2L1\nframeRate=25\nseqLength=300\nimWidth=320\nimHeight=240\n"
+    )
+    (folder / "ground_truth" / "gt" / "gt.txt").write_text(
+        "".join(scene_truth("scene:crossing?frames=120").rows)
+    )
+    (folder / "settings.toml").write_text("")
+    return folder
+
+
+def test_recordings_are_run_and_scored_as_the_pages_say(desk: Path) -> None:
+    for line in ("heel run 'scene:crossing?frames=120' --out results --annotate",
+                 "heel eval ground_truth results",
+                 "heel run incident.mp4 --out incident --annotate"):  # fmt: skip
+        done = run(line, desk)
+        assert done.returncode == 0, f"{line}: {done.stderr}"
+    (page,) = [block for block in blocks("sh") if block.page == "docs/guides/first-run.md"
+               and "scene:crossing" in block.text]  # fmt: skip
+    told = (REPOSITORY / page.page).read_text(encoding="utf-8")
+    for name in ("results", "incident"):
+        for file in (desk / name).iterdir():
+            assert f"`{file.name}" in told, f"the table of {page.page} leaves out {file.name}"
+
+
+@contextmanager
+def bus(folder: Path, lines: list[str], **environment: str) -> Iterator[dict[str, str]]:
+    """Services as the pages start them, on a router of their own, once all of them send."""
+    with ExitStack() as stack:
+        endpoint = stack.enter_context(network.router())
+        session = stack.enter_context(network.client(endpoint))
+        health = stack.enter_context(network.collected(session, keys.ALL_HEALTH))
+        environment["HEEL_ZENOH__CONNECT"] = endpoint
+        for line in lines:
+            stack.enter_context(started(line, folder, **environment))
+        missing = {line.split()[1] for line in lines} - {"web"}
+
+        def all_send() -> bool:
+            while not health.empty():
+                told = decode(Health, health.get().payload.to_bytes())
+                if told.sent > 0:
+                    missing.discard(told.service)
+            return not missing
+
+        network.wait_until(all_send, f"something sent by {sorted(missing)}", 90.0)
+        yield environment
+
+
+def test_a_camera_is_calibrated_from_a_recording_and_told_of_it(desk: Path) -> None:
+    line = "heel calibrate walk.mp4 --person-height 1.75 --fov-deg 90 --out camera.toml"
+    done = run(line, desk)
+    assert done.returncode == 0, done.stderr
+    camera = "heel capture /dev/video0 --calibration camera.toml"
+    camera = camera.replace("/dev/video0", "scene:demo --loop")
+    with bus(desk, [camera, "heel drive --driver log"]):
+        pass
+
+
+@pytest.mark.parametrize(
+    "line", sorted(line for line in HERE if line.startswith("heel track-detections"))
+)
+def test_boxes_from_elsewhere_get_identities(desk: Path, line: str) -> None:
+    (desk / "tracks.txt").unlink(missing_ok=True)
+    done = run(line, desk)
+    assert done.returncode == 0, done.stderr
+    assert (desk / "tracks.txt").read_text().count("\n") > 100
+
+
+def test_a_window_of_a_recording_turns_after_the_person_clicked_on(desk: Path) -> None:
+    (block,) = [block for block in blocks("sh") if "pan:recording.mp4" in block.text]
+    *services, follow = block.commands
+    # A pace that a busy machine keeps, too: nobody is chosen from old tracks.
+    more = {
+        "HEEL_WEB__PORT": str(free_port()),
+        "HEEL_CAPTURE__LOOP": "true",
+        "HEEL_CAPTURE__FPS": "4",
+        "HEEL_FOLLOWER__MAX_TRACKS_AGE_S": "2",
+    }
+    with bus(desk, services, **more) as environment:
+        done = run(follow, desk, **environment)
+        # Whether a drawn person walks at this point at this moment is left to chance.
+        assert done.returncode == 0 or "nobody found there" in done.stderr, done.stderr
+
+
+PYTHON_ELSEWHERE = {
+    "README.md": "tests/integration/test_python_api.py",
+    "docs/guides/python.md": "tests/integration/test_python_api.py",
+    "docs/reference/wire.md": "tests/unit/schemas/test_wire_document.py",
+}
+"""Pages whose Python blocks a test of their own runs."""
+
+
+def test_the_tests_of_python_blocks_name_their_pages() -> None:
+    for page, test in PYTHON_ELSEWHERE.items():
+        text = (REPOSITORY / test).read_text(encoding="utf-8")
+        assert Path(page).name in text, f"{test} does not run the blocks of {page}"
+        assert any(block.page == page for block in blocks("python")), f"{page} has none any more"
+
+
+def python_blocks() -> list[Block]:
+    return [block for block in blocks("python") if block.page not in PYTHON_ELSEWHERE]
+
+
+@pytest.mark.parametrize("block", python_blocks(), ids=lambda block: block.page)
+def test_every_python_block_runs(desk: Path, block: Block) -> None:
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", block.text], cwd=desk, text=True,
+        capture_output=True, timeout=60, check=False, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("line", sorted(SLOW))
+def test_what_takes_longer_is_run_too(tmp_path: Path, line: str) -> None:
+    words = shlex.split(line)
+    if words[:2] == ["heel", "scenarios"]:
+        at = words.index("--episodes") if "--episodes" in words else len(words)
+        words[at : at + 2] = ["--episodes", "1"]
+    if words[:2] == ["heel", "demo"]:
+        words += ["--port", "0"]
+    with ExitStack() as stack:
+        environment = {}
+        if words[:2] == ["heel", "simulator"]:
+            endpoint = f"tcp/127.0.0.1:{free_port()}"
+            environment = {"HEEL_ROUTER__LISTEN": endpoint, "HEEL_ZENOH__CONNECT": endpoint}
+            stack.enter_context(started("heel router", tmp_path, **environment))
+            words += ["--exit-at-end", "--no-pictures"]
+        command = ["-m", "heel", *words[1:]] if words[0] == "heel" else words[1:]
+        done = subprocess.run(
+            [sys.executable, *command], cwd=tmp_path, text=True, capture_output=True, timeout=500,
+            check=False, stdin=subprocess.DEVNULL, env={**_inherited(), **environment},
+        )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+def _inherited() -> dict[str, str]:
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("HEEL_")}
+    return {**clean, "PYTHONPATH": str(REPOSITORY)}
