@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from benchmarks.common import Figure, heel_run, name_of, publish, recordings, write_json
-from heel.evaluation.report import SequenceScores, evaluate
+from heel.evaluation.sequence_scores import SequenceScores, evaluate
 from heel.services.pipeline import scene_truth
 from heel.services.runtime.command_line import run_app
 

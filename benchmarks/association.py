@@ -24,8 +24,8 @@ from benchmarks.association_peers import Tracker, frame_count, peers, peers_note
 from benchmarks.common import data_folder, interleaved, median, publish
 from heel.evaluation.alignment import align
 from heel.evaluation.motchallenge import read_ground_truth
-from heel.evaluation.report import SequenceScores, score_sequence
 from heel.evaluation.rows import BoxRows
+from heel.evaluation.sequence_scores import SequenceScores, score_sequence
 from heel.schemas.errors import HeelError
 from heel.services.commands.track_detections import read_given, shown_rows
 from heel.services.runtime.command_line import run_app

@@ -16,7 +16,7 @@ from pathlib import Path
 from benchmarks.association_peers import frame_count
 from heel.evaluation.alignment import align
 from heel.evaluation.motchallenge import read_ground_truth
-from heel.evaluation.report import SequenceScores, score_sequence
+from heel.evaluation.sequence_scores import SequenceScores, score_sequence
 from heel.services.commands.track_detections import read_given, shown_rows
 from heel.services.tracker.given_boxes.sequence import track_sequence
 from heel.services.tracker.given_boxes.tuning import FILE, Tuning

@@ -21,7 +21,7 @@ import cv2
 import typer
 
 from benchmarks.common import Figure, publish, write_json
-from heel.services.loops.scenarios.clicks import AIMS, WORLDS, Aim, Outcome, click_in
+from heel.services.loops.scenarios.clicks import AIMS, WORLDS, Aim, ClickOutcome, click_in
 from heel.services.loops.scenarios.episode import StackSettings, load_stack
 from heel.services.runtime.command_line import run_app
 
@@ -34,7 +34,9 @@ _NAMES: dict[Aim, str] = {
 _SAID = ((0.0, 0.55), (0.55, 0.65), (0.65, 0.85), (0.85, 1.01))
 
 
-def played(settings: StackSettings, worlds: int, anywhere: int, seed: int) -> Iterator[Outcome]:
+def played(
+    settings: StackSettings, worlds: int, anywhere: int, seed: int
+) -> Iterator[ClickOutcome]:
     """Every kind of click in every world, and so many anywhere."""
     for index in range(worlds):
         name = WORLDS[index % len(WORLDS)]
@@ -46,7 +48,7 @@ def played(settings: StackSettings, worlds: int, anywhere: int, seed: int) -> It
                     yield outcome
 
 
-def line_of(outcome: Outcome) -> str:
+def line_of(outcome: ClickOutcome) -> str:
     """What became of one click, in short."""
     told = [
         word
@@ -62,7 +64,7 @@ def line_of(outcome: Outcome) -> str:
     return f"{outcome.world} {outcome.seed}, {_NAMES[outcome.aim]}: {what} ({outcome.reason})"
 
 
-def clicks_table(outcomes: Sequence[Outcome]) -> str:
+def clicks_table(outcomes: Sequence[ClickOutcome]) -> str:
     """Markdown: one row for each thing that was clicked on."""
     lines = [
         "| click on | clicks | box on nothing | driven after | top speed, m/s | people "
@@ -79,7 +81,7 @@ def clicks_table(outcomes: Sequence[Outcome]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _row(name: str, some: Sequence[Outcome]) -> str:
+def _row(name: str, some: Sequence[ClickOutcome]) -> str:
     boxed = [one.box_s for one in some if one.box_s is not None]
     proven = [one.proven_s for one in some if one.proven_s is not None]
     cells = (
@@ -91,7 +93,7 @@ def _row(name: str, some: Sequence[Outcome]) -> str:
     return "| " + " | ".join(str(cell) for cell in cells) + " |"
 
 
-def claims_table(outcomes: Sequence[Outcome]) -> str:
+def claims_table(outcomes: Sequence[ClickOutcome]) -> str:
     """Markdown: how often a person was under the target's box, by the confidence it had."""
     lines = [
         "| said | boxes | a person's, % | not proven | a person's, % |",

@@ -19,7 +19,7 @@ import typer
 
 from benchmarks.common import Figure, data_folder, heel_run, publish, write_json
 from heel.evaluation.motchallenge import read_ground_truth, read_tracks
-from heel.evaluation.report import evaluate
+from heel.evaluation.sequence_scores import evaluate
 from heel.evaluation.single_target import SingleTargetScores, single_target_scores
 from heel.schemas.errors import HeelError
 from heel.services.runtime.command_line import run_app

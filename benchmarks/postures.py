@@ -26,7 +26,7 @@ from benchmarks.common import publish
 from heel.services.loops.scenarios.episode import load_stack, run_episode
 from heel.services.loops.scenarios.parallel import run_all, spread
 from heel.services.loops.scenarios.perception import Senses
-from heel.services.loops.scenarios.report import EpisodeResult
+from heel.services.loops.scenarios.results import EpisodeResult
 from heel.services.simulator.posture_scenarios import POSTURES
 
 ROBOTS = tuple(

@@ -21,10 +21,10 @@ import typer
 from benchmarks.common import Figure, data_folder, write_json
 from heel.schemas.errors import HeelError
 from heel.services.capture.pan_window import PanSettings
-from heel.services.loops.panning.episode import Outcome
+from heel.services.loops.panning.episode import PanOutcome
+from heel.services.loops.panning.everybody import follow_everybody
 from heel.services.loops.panning.perception import PerceptionName
 from heel.services.loops.panning.perception import perception as perception_of
-from heel.services.loops.panning.sequence import follow_everybody
 from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -33,7 +33,7 @@ HEAD = ("sequence", "perception", "people", "chosen", "kept%", "in window%", "wr
         "people >= 95%", "kept% of all")  # fmt: skip
 
 
-def row(sequence: str, how: str, outcomes: Sequence[Outcome]) -> str:
+def row(sequence: str, how: str, outcomes: Sequence[PanOutcome]) -> str:
     """One line of the Markdown table, over all people's frames together."""
     since = max(1, sum(one.since_chosen for one in outcomes))
     visible = max(1, sum(one.visible for one in outcomes))
@@ -49,7 +49,7 @@ def row(sequence: str, how: str, outcomes: Sequence[Outcome]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def lines_of(outcomes: Sequence[Outcome]) -> list[str]:
+def lines_of(outcomes: Sequence[PanOutcome]) -> list[str]:
     """One line for everybody who was not kept throughout."""
     lines = []
     for one in outcomes:

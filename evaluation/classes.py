@@ -29,7 +29,7 @@ _VISDRONE_PEOPLE = (1, 2)
 
 
 @dataclass(frozen=True)
-class People:
+class PeopleRows:
     """What the classes say.
 
     Attributes:
@@ -43,7 +43,7 @@ class People:
 
 def people_by_class(
     columns: int, more: NDArray[np.float64], places: NDArray[np.int64], kind: RowKind, where: str
-) -> People:
+) -> PeopleRows:
     """Judge the columns behind the flag or confidence.
 
     Args:
@@ -60,25 +60,25 @@ def people_by_class(
     classes = more[:, 0]
     whole = bool(len(more)) and bool((classes == np.floor(classes)).all())
     if kind == "tracks" or not whole:
-        return People(everybody, ~everybody)
+        return PeopleRows(everybody, ~everybody)
     if columns >= 10:
         if not _is_visdrone(more):
-            return People(everybody, ~everybody)
+            return PeopleRows(everybody, ~everybody)
         kept = np.isin(classes, _VISDRONE_PEOPLE)
     elif columns in (8, 9):
         if (classes == classes[0]).all() and classes[0] in (-1, 0, PEDESTRIAN):
-            return People(everybody, ~everybody)
+            return PeopleRows(everybody, ~everybody)
         _check_codes(classes, places, where)
         others = _NOT_SCORED if kind == "ground truth" else ()
         kept = np.isin(classes, (PEDESTRIAN, *others))
     else:
-        return People(everybody, ~everybody)
+        return PeopleRows(everybody, ~everybody)
     if not (kept & (classes == PEDESTRIAN)).any():
         raise HeelError(
             f"{where} {places[0]}: class {classes[0]:g} in column 8, and no row is of class "
             f"{PEDESTRIAN}, a pedestrian: write {PEDESTRIAN} there where these are people"
         )
-    return People(kept, np.isin(classes, _NOT_SCORED) & (columns < 10))
+    return PeopleRows(kept, np.isin(classes, _NOT_SCORED) & (columns < 10))
 
 
 def _check_codes(classes: NDArray[np.float64], places: NDArray[np.int64], where: str) -> None:

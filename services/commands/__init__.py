@@ -5,12 +5,12 @@ from __future__ import annotations
 import typer
 
 from heel.services.commands.calibrate import calibrate
-from heel.services.commands.control import follow
 from heel.services.commands.demo import demo
+from heel.services.commands.eval import score
+from heel.services.commands.follow import follow
 from heel.services.commands.run import run
 from heel.services.commands.scenarios import scenarios
 from heel.services.commands.schema import schema
-from heel.services.commands.score import score
 from heel.services.commands.status import status
 from heel.services.commands.stopping import resume, stop
 from heel.services.commands.track_detections import track_detections

@@ -98,7 +98,7 @@ def _play_world(
     # Imported here, in the guarded process: see `guarded`.
     from heel.services.run.checks import check_settings
     from heel.services.run.following import FollowingTally, write_figures
-    from heel.services.run.world import PageOptions, WorldOptions, WorldRun
+    from heel.services.run.world_run import PageOptions, WorldOptions, WorldRun
     from heel.services.runtime.logs import set_up_command_logging
     from heel.services.runtime.service import stop_signals
 

@@ -22,7 +22,7 @@ def play_scene(options: RunOptions, kept: bool) -> None:
     # Imported here, in the guarded process: see `guarded`.
     from heel.services.run.checks import check_options
     from heel.services.run.distributed import DistributedRun
-    from heel.services.run.report import print_summary
+    from heel.services.run.summary import print_summary
     from heel.services.runtime.logs import set_up_command_logging
     from heel.services.runtime.service import stop_signals
 
@@ -39,7 +39,7 @@ def _print_scores(scene: str, folder: Path) -> None:
     from rich.console import Console
 
     from heel.evaluation.motchallenge import read_tracks
-    from heel.evaluation.report import evaluate, scores_table
+    from heel.evaluation.sequence_scores import evaluate, scores_table
     from heel.services.pipeline import scene_truth
 
     if not (folder / "tracks.txt").is_file():

@@ -82,7 +82,7 @@ def _work(options: RunOptions, in_process: bool) -> None:
     from heel.services.run.checks import check_options
     from heel.services.run.distributed import DistributedRun
     from heel.services.run.in_process import run_in_process
-    from heel.services.run.report import print_summary
+    from heel.services.run.summary import print_summary
     from heel.services.runtime.logs import set_up_command_logging
     from heel.services.runtime.service import stop_signals
 

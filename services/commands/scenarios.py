@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from heel.services.loops.scenarios.episode import StackSettings
     from heel.services.loops.scenarios.parallel import EpisodeTask, Run
-    from heel.services.loops.scenarios.report import EpisodeResult, Mode, ScenarioReport
+    from heel.services.loops.scenarios.results import EpisodeResult, Mode, ScenarioReport
 
 
 _Episodes = Annotated[int, typer.Option(min=1, max=100_000, help="how many, the scenarios in turn")]
@@ -126,7 +126,7 @@ def _run_cores(
     out: Path | None,
 ) -> None:  # fmt: skip
     from heel.services.loops.scenarios.episode import run_episode
-    from heel.services.loops.scenarios.report import make_report
+    from heel.services.loops.scenarios.results import make_report
 
     results, wall_s = _run_all(partial(run_episode, stack), tasks, jobs or os.cpu_count() or 1)
     report = make_report(results, seed, stack.mode, wall_s, senses=stack.senses)
@@ -137,7 +137,7 @@ def _run_processes(
     tasks: list[EpisodeTask], seed: int, config: Path | None, as_json: bool, out: Path | None
 ) -> None:
     from heel.services.loops.scenarios.episode import load_stack
-    from heel.services.loops.scenarios.report import make_report
+    from heel.services.loops.scenarios.results import make_report
     from heel.services.run.scenario import run_in_processes
     from heel.services.runtime.service import stop_signals
 
@@ -163,7 +163,7 @@ def _tell(
 ) -> None:
     from rich.console import Console
 
-    from heel.services.loops.scenarios.report import report_table, write_episodes
+    from heel.services.loops.scenarios.results import report_table, write_episodes
 
     if out is not None:
         write_episodes(results, report.mode, out / "episodes.jsonl")

@@ -20,7 +20,7 @@ from heel.schemas import (
     decode,
     keys,
 )
-from heel.services.commands.control import shown
+from heel.services.commands.follow import shown
 from heel.services.commands.robot import (
     Config,
     Connect,

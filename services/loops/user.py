@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Protocol
 
 from heel.schemas import HeelError, SimTruth, Target, TargetRequest
@@ -17,30 +18,33 @@ _DOWN = 0.4
 """Share of the box above the click: one clicks on the chest."""
 
 
-class Chooser(Protocol):
-    """A user before the page.
+Choose = Callable[[TargetRequest], object]
+"""Asks the follower, which has the tracks of the picture that is looked at; may refuse by
+`HeelError`."""
 
-    Only what both know is passed: what the page shows, and what the picture really shows.
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What stands before a user.
+
+    Attributes:
+        now_s: simulated time, seconds.
+        shown: the target that the page shows as chosen, or waited for.
+        truth: what the newest picture really shows.
+        people: index of the person in it by track id.
     """
 
-    def act(
-        self,
-        now_s: float,
-        choose: Callable[[TargetRequest], object],
-        shown: Target,
-        truth: SimTruth,
-        people: dict[int, int],
-    ) -> None:
-        """Look at the newest picture, and choose if it is time to.
+    now_s: float
+    shown: Target
+    truth: SimTruth
+    people: dict[int, int]
 
-        Args:
-            now_s: simulated time, seconds.
-            choose: asks the follower, which has the tracks of this picture; may refuse by
-                HeelError.
-            shown: the target that the page shows as chosen, or waited for.
-            truth: what the picture shows.
-            people: index of the person by track id, of this picture's tracks.
-        """
+
+class Chooser(Protocol):
+    """A user before the page."""
+
+    def act(self, view: View, choose: Choose) -> None:
+        """Look, and choose if it is time to."""
 
 
 class User:
@@ -50,27 +54,21 @@ class User:
         """Nobody is chosen yet."""
         self._due_s = _FIRST_CLICK_S
 
-    def act(
-        self,
-        now_s: float,
-        choose: Callable[[TargetRequest], object],
-        shown: Target,
-        truth: SimTruth,
-        people: dict[int, int],
-    ) -> None:
+    def act(self, view: View, choose: Choose) -> None:
         """As `Chooser.act`; a world without a target is only looked at."""
-        target = next((i for i, one in enumerate(truth.people) if one.role == "target"), None)
+        people, shown = view.truth.people, view.shown
+        target = next((i for i, one in enumerate(people) if one.role == "target"), None)
         if target is None:
             return
-        if shown.track_id is not None and people.get(shown.track_id) == target:
+        if shown.track_id is not None and view.people.get(shown.track_id) == target:
             self._due_s = math.inf
-        person = truth.people[target]
+        person = people[target]
         looking = shown.mode == "point" and shown.track_id is None
-        if now_s < self._due_s or looking or person.box_xyxy is None:
+        if view.now_s < self._due_s or looking or person.box_xyxy is None:
             return
         if person.visible < _LEAST_VISIBLE:
             return
-        self._due_s = now_s + _AGAIN_S
+        self._due_s = view.now_s + _AGAIN_S
         left, top, right, bottom = person.box_xyxy
         click = TargetRequest(
             mode="point", x_px=(left + right) / 2, y_px=top + _DOWN * (bottom - top)

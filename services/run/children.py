@@ -6,17 +6,22 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from heel.schemas import HeelError, SettingsError
+import zenoh
+
+from heel.schemas import HeelError, SettingsError, keys
 from heel.services.runtime.process import PARENT_VARIABLE
 
 _TERM_S = 2.5
 _KILL_S = 2.0
+_START_TIMEOUT_S = 60.0
+_POLL_S = 0.1
 _TAIL_BYTES = 65536
 _NO_REASON = (" ", "Traceback", "During handling of", "The above exception")
 """How lines of a traceback begin that do not say what happened."""
@@ -141,6 +146,36 @@ class Children:
                 if child.process.poll() is None:
                     child.process.kill()
             self.wait_all(_KILL_S)
+
+
+def await_present(
+    session: zenoh.Session, children: Children, wanted: set[str], stop: threading.Event
+) -> None:
+    """Wait until every service has subscribed: a frame sent earlier would be lost.
+
+    Raises:
+        HeelError: one of them ended, or is not up in time.
+    """
+    present: set[str] = set()
+    changed = threading.Event()
+
+    def seen(sample: zenoh.Sample) -> None:
+        present.add(str(sample.key_expr).split("/")[1])
+        changed.set()
+
+    watch = session.liveliness().declare_subscriber(keys.ALL_ALIVE, seen, history=True)
+    deadline_s = time.monotonic() + _START_TIMEOUT_S
+    while not present >= wanted and not stop.is_set():
+        changed.wait(_POLL_S)
+        changed.clear()
+        if (failure := children.failure()) is not None:
+            raise failure
+        if time.monotonic() > deadline_s:
+            missing = ", ".join(sorted(wanted - present))
+            raise HeelError(
+                f"{missing} not up within {_START_TIMEOUT_S:g} s: is the machine very busy?"
+            )
+    watch.undeclare()  # type: ignore[no-untyped-call]
 
 
 def last_complaint(log: Path) -> str:

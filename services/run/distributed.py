@@ -12,11 +12,10 @@ import zenoh
 
 from heel.schemas import HeelError, keys
 from heel.services.pipeline import REPEATABLE_EPOCH
-from heel.services.run.children import Child, Children
+from heel.services.run.children import Child, Children, await_present
 from heel.services.run.collector import CONSUMER, Collector
 from heel.services.run.options import RunOptions
 from heel.services.run.outputs import RunOutputs
-from heel.services.run.presence import await_present
 from heel.services.run.progress import RunProgress
 from heel.services.run.silence import HUNG_S, Silences
 from heel.services.run.summary import RunSummary

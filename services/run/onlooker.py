@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
 from typing import Protocol
 
-from heel.schemas import FollowState, SimTruth, TargetRequest, Tracks
+from heel.schemas import FollowState, SimTruth, Tracks
 from heel.services.loops.judge import people_by_track
-from heel.services.loops.user import User
+from heel.services.loops.user import Choose, User, View
 
 _KEPT_TRUTHS = 128
 """Frames that tracks may be late by: 4 s at 30 frames/s."""
@@ -38,7 +37,7 @@ class Onlooker:
         click: asks the follower, without waiting for its answer.
     """
 
-    def __init__(self, recorder: Recorder, click: Callable[[TargetRequest], object]) -> None:
+    def __init__(self, recorder: Recorder, click: Choose) -> None:
         self._recorder, self._click = recorder, click
         self._state: FollowState | None = None
         self._user = User()
@@ -70,4 +69,5 @@ class Onlooker:
             return
         self._people = people_by_track(truth, tracks)
         if self._state is not None:
-            self._user.act(truth.t_s, self._click, self._state.target, truth, self._people)
+            view = View(truth.t_s, self._state.target, truth, self._people)
+            self._user.act(view, self._click)

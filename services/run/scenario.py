@@ -12,9 +12,9 @@ from heel.evaluation.following.log import EpisodeLog
 from heel.schemas import FollowState, HeelError, SimTruth
 from heel.services.loops.scenarios.episode import StackSettings, play_and_judge
 from heel.services.loops.scenarios.parallel import EpisodeTask
-from heel.services.loops.scenarios.report import EpisodeResult
+from heel.services.loops.scenarios.results import EpisodeResult
 from heel.services.loops.scenarios.witness import Moment, Witness
-from heel.services.run.world import WorldOptions, WorldRun
+from heel.services.run.world_run import WorldOptions, WorldRun
 from heel.services.simulator.scenarios import scenario
 
 

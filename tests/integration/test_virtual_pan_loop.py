@@ -16,7 +16,7 @@ import zenoh
 
 from heel.schemas import EndOfStream, Target, TargetRequest, Tracks, decode, encode, keys
 from heel.services.geometry.boxes import iou_matrix
-from heel.services.loops.panning.truth import People, in_window, read_people
+from heel.services.loops.panning.truth import TruePeople, in_window, read_people
 from tests.support import network
 from tests.support.network import wait_until
 from tests.support.processes import Running, running
@@ -58,7 +58,7 @@ def test_the_person_pointed_at_stays_in_the_window_with_the_same_id(tmp_path: Pa
 
 
 @cache
-def _people() -> dict[int, People]:
+def _people() -> dict[int, TruePeople]:
     return read_people(PETS)
 
 

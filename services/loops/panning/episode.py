@@ -16,9 +16,9 @@ from heel.services.follower.choosing import at_point
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
 from heel.services.geometry.boxes import clipped, iou, iou_matrix
-from heel.services.loops.control import CONTROL_NS, Body, Control
-from heel.services.loops.panning.perception import Perception
-from heel.services.loops.panning.truth import InWindow, People, in_window
+from heel.services.loops.control_loop import CONTROL_NS, Body, ControlLoop
+from heel.services.loops.panning.perception import WindowPerception
+from heel.services.loops.panning.truth import InWindow, TruePeople, in_window
 
 LEAST_INSIDE = 0.5
 LEAST_OVERLAP = 0.5
@@ -26,7 +26,7 @@ _STREAM = "front"
 
 
 @dataclass
-class Outcome:
+class PanOutcome:
     """Frames of one person's episode in which they are to be seen in the recording.
 
     Attributes:
@@ -69,19 +69,19 @@ class Episode:
 
     def __init__(
         self, person: int, recording_size: tuple[int, int], settings: PanSettings,
-        perception: Perception,
+        perception: WindowPerception,
     ) -> None:  # fmt: skip
         self._size = recording_size
         self._window = PanWindow(recording_size, settings)
         self._steering = Steering(self._window)
         self._perception = perception
         self._follower = Follower(FollowerSettings(max_linear_mps=0.0))
-        self._control = Control(self._follower, Drive(DriveSettings()), self._look)
+        self._control = ControlLoop(self._follower, Drive(DriveSettings()), self._look)
         self._seq = self._rounds = 0
         self._now_ns: int | None = None
-        self.outcome = Outcome(person)
+        self.outcome = PanOutcome(person)
 
-    def frame(self, index: int, t_s: float, image: NDArray[np.uint8], people: People) -> None:
+    def frame(self, index: int, t_s: float, image: NDArray[np.uint8], people: TruePeople) -> None:
         """Go on to the moment of a frame, look at it, and judge.
 
         Args:

@@ -24,7 +24,7 @@ _TRUE_SCORE = 0.95
 _PATCH_ROWS = 96
 
 
-class Perception(Protocol):
+class WindowPerception(Protocol):
     """Makes tracks of a window."""
 
     def see(
@@ -55,7 +55,7 @@ class Pixels:
         self, frame: FrameId, image: NDArray[np.uint8], offset_px: tuple[float, float],
         truth: InWindow,
     ) -> Tracks:  # fmt: skip
-        """As `Perception.see`; offset and truth are not looked at."""
+        """As `WindowPerception.see`; offset and truth are not looked at."""
         return self._pipeline.step(frame, image, (image.shape[1], image.shape[0]))[1]
 
 
@@ -74,7 +74,7 @@ class TrueBoxes:
         self, frame: FrameId, image: NDArray[np.uint8], offset_px: tuple[float, float],
         truth: InWindow,
     ) -> Tracks:  # fmt: skip
-        """As `Perception.see`."""
+        """As `WindowPerception.see`."""
         left, top = offset_px
         before = self._offset or offset_px
         self._offset = offset_px
@@ -95,7 +95,7 @@ class TrueBoxes:
         return self._tracker.update(blobs)
 
 
-def perception(name: PerceptionName, model: Path | None = None) -> Perception:
+def perception(name: PerceptionName, model: Path | None = None) -> WindowPerception:
     """The perception of that name, knowing nobody; `model` is for pixels."""
     return TrueBoxes() if name == "true-boxes" else Pixels(DetectorSettings(model=model))
 

@@ -14,17 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.evaluation.alignment import align
-from heel.evaluation.report import SequenceScores, score_sequence
 from heel.evaluation.rows import BoxRows, rows_from_xyxy
+from heel.evaluation.sequence_scores import SequenceScores, score_sequence
 from heel.schemas import FrameId, Tracks
 from heel.services.capture.pan_window import PanSettings, PanWindow
 from heel.services.capture.sources import open_source
 from heel.services.geometry.boxes import as_array, clipped
-from heel.services.loops.panning.perception import Perception
+from heel.services.loops.panning.perception import WindowPerception
 from heel.services.loops.panning.truth import (
     NOBODY,
     InWindow,
-    People,
+    TruePeople,
     in_window,
     read_people,
 )
@@ -41,7 +41,7 @@ _LEAST_PX = 0.5
 Path2d = NDArray[np.float64]
 """(N, 2) pixels of the recording in the middle of the window, frame by frame."""
 Size = tuple[int, int]
-Script = Callable[[dict[int, People], int, Size, Size], Path2d]
+Script = Callable[[dict[int, TruePeople], int, Size, Size], Path2d]
 """Makes a path of so many frames from the people by frame number, the recording's and the
 window's (width, height)."""
 
@@ -76,7 +76,7 @@ class Played:
     shifts_px: NDArray[np.float64]
 
 
-def following(people: dict[int, People], frames: int, recording: Size, window: Size) -> Path2d:
+def following(people: dict[int, TruePeople], frames: int, recording: Size, window: Size) -> Path2d:
     """After one person by the ground truth, 15 % of the way a frame, at most 8 pixels.
 
     When the person is gone, after whoever of those annotated will be annotated for longest.
@@ -99,7 +99,7 @@ def following(people: dict[int, People], frames: int, recording: Size, window: S
     return path
 
 
-def panning(people: dict[int, People], frames: int, recording: Size, window: Size) -> Path2d:
+def panning(people: dict[int, TruePeople], frames: int, recording: Size, window: Size) -> Path2d:
     """From border to border and up and down, as two sines of unlike periods; people do not matter.
 
     At most 2.6 pixels a frame sideways and 1.1 up or down in a recording twice the window's size.
@@ -144,7 +144,7 @@ def scripted_frames(
 
 
 def play(
-    sequence: Path, window: Size, script: Script, perception: Perception, seed: int = 0
+    sequence: Path, window: Size, script: Script, perception: WindowPerception, seed: int = 0
 ) -> Played:
     """Show a scripted window of a recording and score what is seen in it.
 

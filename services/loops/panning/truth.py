@@ -15,7 +15,7 @@ Boxes = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class People:
+class TruePeople:
     """Everybody annotated in one frame.
 
     Attributes:
@@ -27,7 +27,7 @@ class People:
     boxes_xyxy: Boxes
 
 
-NOBODY = People(np.zeros(0, np.int64), np.zeros((0, 4)))
+NOBODY = TruePeople(np.zeros(0, np.int64), np.zeros((0, 4)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class InWindow:
     inside: Boxes
 
 
-def read_people(sequence: Path) -> dict[int, People]:
+def read_people(sequence: Path) -> dict[int, TruePeople]:
     """People by frame number, without those whom the ground truth says to ignore (flag 0).
 
     Raises:
@@ -56,13 +56,13 @@ def read_people(sequence: Path) -> dict[int, People]:
     frames, starts = np.unique(rows.frames, return_index=True)
     ends = [*starts[1:].tolist(), len(rows)]
     return {
-        frame: People(rows.identities[start:end], rows.boxes_xyxy[start:end])
+        frame: TruePeople(rows.identities[start:end], rows.boxes_xyxy[start:end])
         for frame, start, end in zip(frames.tolist(), starts.tolist(), ends, strict=True)
     }
 
 
 def in_window(
-    people: People,
+    people: TruePeople,
     recording_size: tuple[int, int],
     offset_px: tuple[float, float],
     window_size: tuple[int, int],

@@ -6,7 +6,7 @@ Needs the extra `sim`: everything is told from pixels.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
@@ -19,6 +19,7 @@ from heel.services.follower.core import Follower
 from heel.services.loops.scenarios.episode import StackSettings
 from heel.services.loops.scenarios.loop import ClosedLoop
 from heel.services.loops.scenarios.pixels import Camera, RenderedPixels
+from heel.services.loops.user import Choose, View
 from heel.services.simulator.render.props import mirror_images
 from heel.services.simulator.scenarios import scenario
 from heel.services.simulator.script import Scenario
@@ -63,7 +64,7 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ClickOutcome:
     """What became of one click.
 
     Attributes:
@@ -86,7 +87,7 @@ class Outcome:
     claims: tuple[Claim, ...] = field(repr=False)
 
 
-def click_in(settings: StackSettings, name: str, seed: int, aim: Aim) -> Outcome | None:
+def click_in(settings: StackSettings, name: str, seed: int, aim: Aim) -> ClickOutcome | None:
     """Play a world with one click in it; None where it has nothing of the kind to click on."""
     mount = CameraMount()
     world = _with_things(name, seed)
@@ -133,26 +134,23 @@ class _OneClick:
         self._top_mps = 0.0
         self._claims: list[Claim] = []
 
-    def act(
-        self, now_s: float, choose: Callable[[TargetRequest], object], shown: Target,
-        truth: SimTruth, people: dict[int, int],
-    ) -> None:  # fmt: skip
+    def act(self, view: View, choose: Choose) -> None:
         if self._clicked_s is not None:
-            self._watch(now_s - self._clicked_s, shown, people)
-        elif now_s >= _CLICK_S and not self._impossible:
-            place = self._place(truth)
+            self._watch(view.now_s - self._clicked_s, view.shown, view.people)
+        elif view.now_s >= _CLICK_S and not self._impossible:
+            place = self._place(view.truth)
             self._impossible = place is None
             if place is None:
                 return
-            self._clicked_s = now_s
+            self._clicked_s = view.now_s
             # A refusal is a right answer, too.
             with suppress(HeelError):
                 choose(TargetRequest(mode="point", x_px=place[0], y_px=place[1]))
 
-    def outcome(self, name: str, seed: int) -> Outcome | None:
+    def outcome(self, name: str, seed: int) -> ClickOutcome | None:
         if self._clicked_s is None:
             return None
-        return Outcome(
+        return ClickOutcome(
             name, seed, self._aim, self._box_s, self._proven_s,
             self._on_nothing_frames >= _SHOWN_FRAMES, self._driven, self._top_mps,
             self._follower.state.reason, tuple(self._claims),

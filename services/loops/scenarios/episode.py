@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from heel.evaluation.following.episode_scores import score_episode
 from heel.evaluation.following.log import EpisodeLog
-from heel.evaluation.following.scores import score_episode
 from heel.schemas.errors import HeelError
 from heel.services.detector.settings import DetectorServiceSettings, DetectorSettings
 from heel.services.drive.core import Drive
@@ -20,7 +20,7 @@ from heel.services.loops.scenarios.loop import ClosedLoop
 from heel.services.loops.scenarios.parallel import EpisodeTask
 from heel.services.loops.scenarios.perception import EVERYTHING, Perception, Senses, SimulatedBoxes
 from heel.services.loops.scenarios.picture import draw_episode
-from heel.services.loops.scenarios.report import EpisodeResult, Mode
+from heel.services.loops.scenarios.results import EpisodeResult, Mode
 from heel.services.runtime.settings import Loaded, load_settings
 from heel.services.simulator.robot import RobotBody
 from heel.services.simulator.scenarios import scenario

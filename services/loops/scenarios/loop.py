@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from heel.schemas import DriveState, FrameId, SimTruth, Target, TargetRequest, Tracks
 from heel.services.drive.core import Drive
 from heel.services.follower.core import Follower
-from heel.services.loops.control import CONTROL_NS, Body, Control
+from heel.services.loops.control_loop import CONTROL_NS, Body, ControlLoop
 from heel.services.loops.judge import people_by_track
 from heel.services.loops.scenarios.perception import STREAM, Perception, Senses, camera_info
 from heel.services.loops.scenarios.witness import Moment, Witness
-from heel.services.loops.user import Chooser, User
+from heel.services.loops.user import Chooser, User, View
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World
 
@@ -61,7 +61,7 @@ class ClosedLoop:
         self._mount = mount
         self._perception = perception
         self._follower = follower
-        self._control = Control(follower, drive, self._look)
+        self._control = ControlLoop(follower, drive, self._look)
         self._film = film
         self._ranges = senses is None or senses.ranges
         self._frame_ms = round(1000 / mount.fps)
@@ -113,9 +113,8 @@ class ClosedLoop:
 
     def _look(self, tracks: Tracks, picture: _Picture) -> None:
         self._people = picture.people
-        self._user.act(
-            self._now_ms / 1000, self._choose, self._follower.target, picture.truth, picture.people
-        )
+        view = View(self._now_ms / 1000, self._follower.target, picture.truth, picture.people)
+        self._user.act(view, self._choose)
 
     def _choose(self, request: TargetRequest) -> Target:
         target = self._follower.choose(request)

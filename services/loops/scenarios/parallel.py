@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from heel.schemas.errors import HeelError
-from heel.services.loops.scenarios.report import EpisodeResult
+from heel.services.loops.scenarios.results import EpisodeResult
 from heel.services.runtime.process import PARENT_VARIABLE, die_with_parent
 
 _SILENCE_S = 600.0

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.evaluation.figures import INK, MUTED, new_figure, save, set_legend, set_title
+from heel.evaluation.following.episode_scores import EpisodeScores
 from heel.evaluation.following.log import NOBODY, EpisodeLog
-from heel.evaluation.following.scores import EpisodeScores
 from heel.services.simulator.state import Scenery
 
 if TYPE_CHECKING:

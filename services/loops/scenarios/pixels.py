@@ -6,7 +6,6 @@ Needs the extra `sim`; nothing else of the scenarios does.
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -38,12 +37,7 @@ class Camera:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._renderer.close()
 
     def picture(self) -> NDArray[np.uint8]:
@@ -87,13 +81,8 @@ class Film:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._video.__exit__(kind, error, traceback)
+    def __exit__(self, *_: object) -> None:
+        self._video.close()
 
     def add(self, tracks: Tracks, state: FollowState) -> None:
         """Append the picture of now, with its tracks and what the follower does.

@@ -14,10 +14,10 @@ from heel.evaluation.following.comfort import (
     minimum_distance_m,
     personal_space_compliance,
 )
+from heel.evaluation.following.episode_scores import score_episode, summarise
 from heel.evaluation.following.evt import EvtScores, evt_scores
 from heel.evaluation.following.habitat import HabitatScores, habitat_scores
 from heel.evaluation.following.log import EpisodeLog
-from heel.evaluation.following.scores import score_episode, summarise
 from heel.schemas import HeelError
 
 TARGET, STRANGER, NOBODY = 0, 1, -1

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from heel.evaluation.alignment import AlignedSequence, align
 from heel.evaluation.plots import runs, write_plots
-from heel.evaluation.scores import tracking_scores
 from heel.evaluation.timeline import ABSENT, MISSED, timeline
+from heel.evaluation.tracking_scores import tracking_scores
 from heel.schemas.errors import HeelError
 from tests.support.box_rows import rows_from_array
 

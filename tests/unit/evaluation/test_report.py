@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 from rich.console import Console
 
-from heel.evaluation.report import (
+from heel.evaluation.sequence_scores import (
     SequenceScores,
     evaluate,
     find_pairs,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from heel.evaluation.alignment import FlagRule, align, best_pairs
 from heel.evaluation.motchallenge import read_detections, read_ground_truth
-from heel.evaluation.scores import TrackingScores, tracking_scores
+from heel.evaluation.tracking_scores import TrackingScores, tracking_scores
 from heel.services.geometry.boxes import iou_matrix
 from tests.support.box_rows import rows_from_array
 

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from heel.schemas import Odometry
-from heel.services.commands.control import _request
+from heel.services.commands.follow import _request
 from heel.services.follower.own_motion import OwnMotion, Pose
 from heel.services.follower.search import Search
 

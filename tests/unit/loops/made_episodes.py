@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import signal
 
+from heel.evaluation.following.episode_scores import EpisodeScores
 from heel.evaluation.following.evt import EvtScores
 from heel.evaluation.following.habitat import HabitatScores
-from heel.evaluation.following.scores import EpisodeScores
 from heel.services.loops.scenarios.parallel import EpisodeTask
-from heel.services.loops.scenarios.report import EpisodeResult
+from heel.services.loops.scenarios.results import EpisodeResult
 
 
 def scores(following_rate: float = 1.0, wrong_time: float = 0.0) -> EpisodeScores:

@@ -22,7 +22,7 @@ from heel.services.drive.core import Drive
 from heel.services.drive.settings import DriveSettings
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
-from heel.services.loops.control import CONTROL_NS, TRACKS_AGE_NS
+from heel.services.loops.control_loop import CONTROL_NS, TRACKS_AGE_NS
 from heel.services.loops.scenarios.loop import ClosedLoop
 from heel.services.loops.scenarios.perception import SimulatedBoxes
 from heel.services.simulator.scenarios import scenario

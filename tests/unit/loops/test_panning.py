@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from heel.schemas import FrameId, Track, Tracks
 from heel.schemas.errors import HeelError
 from heel.services.capture.pan_window import PanSettings
-from heel.services.loops.panning.episode import Episode, Outcome
-from heel.services.loops.panning.perception import Perception, TrueBoxes
-from heel.services.loops.panning.sequence import Appearance, appearances, follow_everybody
-from heel.services.loops.panning.truth import InWindow, People, in_window, read_people
+from heel.services.loops.panning.episode import Episode, PanOutcome
+from heel.services.loops.panning.everybody import Appearance, appearances, follow_everybody
+from heel.services.loops.panning.perception import TrueBoxes, WindowPerception
+from heel.services.loops.panning.truth import InWindow, TruePeople, in_window, read_people
 
 DATA = Path(os.environ.get("HEEL_DATA", Path(__file__).parents[4] / "shared" / "data"))
 PETS = DATA / "PETS09-S2L1"
@@ -24,15 +24,15 @@ SIZE, FPS = (900, 300), 25.0
 WINDOW = PanSettings(width=300, height=240, x=120.0, y=150.0)
 
 
-def walkers(index: int) -> People:
+def walkers(index: int) -> TruePeople:
     """One walks right at 80 px/s, the other stands at the right."""
     x = 100.0 + 80.0 * index / FPS
-    return People(
+    return TruePeople(
         np.array([1, 2]), np.array([[x, 80.0, x + 40.0, 180.0], [700.0, 90.0, 740.0, 190.0]])
     )
 
 
-def picture(people: People) -> NDArray[np.uint8]:
+def picture(people: TruePeople) -> NDArray[np.uint8]:
     image = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
     image[:, ::50] = 140
     for identity, box in zip(people.identities, people.boxes_xyxy.astype(int), strict=True):
@@ -41,7 +41,9 @@ def picture(people: People) -> NDArray[np.uint8]:
     return image
 
 
-def played(perception: Perception, frames: int = 150, settings: PanSettings = WINDOW) -> Outcome:
+def played(
+    perception: WindowPerception, frames: int = 150, settings: PanSettings = WINDOW
+) -> PanOutcome:
     episode = Episode(1, SIZE, settings, perception)
     for index in range(frames):
         people = walkers(index)
@@ -76,7 +78,7 @@ class Swaps:
 
 
 def test_boxes_are_cut_at_the_window_and_the_recording() -> None:
-    people = People(
+    people = TruePeople(
         np.array([3, 4, 5]),
         np.array([[-20.0, 10.0, 20.0, 50.0], [90.0, 10.0, 130.0, 50.0], [500.0, 0, 510, 9]]),
     )
@@ -88,7 +90,7 @@ def test_boxes_are_cut_at_the_window_and_the_recording() -> None:
 
 def test_who_is_seen_for_too_short_is_not_followed() -> None:
     people = {
-        frame: People(np.array([1, 2] if frame in (3, 4) else [2]), np.zeros((2, 4)))
+        frame: TruePeople(np.array([1, 2] if frame in (3, 4) else [2]), np.zeros((2, 4)))
         for frame in range(1, 9)
     }
     assert appearances(people, 3) == [Appearance(2, 1, 8, 8)]

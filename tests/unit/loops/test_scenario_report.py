@@ -10,7 +10,7 @@ from made_episodes import scores
 from rich.console import Console
 
 from heel.schemas import HeelError
-from heel.services.loops.scenarios.report import (
+from heel.services.loops.scenarios.results import (
     EpisodeResult,
     make_report,
     report_table,

@@ -22,16 +22,18 @@ from heel.services.loops.panning.scripted import (
     play,
     scripted_frames,
 )
-from heel.services.loops.panning.truth import InWindow, People
+from heel.services.loops.panning.truth import InWindow, TruePeople
 
 DATA = Path(os.environ.get("HEEL_DATA", Path(__file__).parents[4] / "shared" / "data"))
 RECORDING, WINDOW = (400, 300), (200, 150)
 
 
-def at(*people: tuple[int, float, float]) -> People:
+def at(*people: tuple[int, float, float]) -> TruePeople:
     """People of 20x50 pixels with the middle at x, y."""
     boxes = [(x - 10, y - 25, x + 10, y + 25) for _, x, y in people]
-    return People(np.array([who for who, _, _ in people]), np.array(boxes, float).reshape(-1, 4))
+    return TruePeople(
+        np.array([who for who, _, _ in people]), np.array(boxes, float).reshape(-1, 4)
+    )
 
 
 def recording(folder: Path, frames: int = 12) -> Path:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from heel.evaluation.motchallenge import read_ground_truth, write_tracks
-from heel.evaluation.report import SequenceScores, evaluate
+from heel.evaluation.sequence_scores import SequenceScores, evaluate
 from heel.services.commands.track_detections import read_given, shown_rows
 from heel.services.tracker.given_boxes.sequence import GivenSequence, track_sequence
 

@@ -29,9 +29,8 @@ from heel.schemas import (
     encode,
     keys,
 )
-from heel.services.run.children import Children
+from heel.services.run.children import Children, await_present
 from heel.services.run.onlooker import Onlooker, Recorder
-from heel.services.run.presence import await_present
 from heel.services.run.silence import HUNG_S, Silences
 from heel.services.runtime import qos
 from heel.services.runtime.chain import page_of

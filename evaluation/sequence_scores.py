@@ -27,7 +27,7 @@ from heel.evaluation.motchallenge import (
 )
 from heel.evaluation.plausible import check_size, warn_of_another_size
 from heel.evaluation.retention import retention
-from heel.evaluation.scores import tracking_scores
+from heel.evaluation.tracking_scores import tracking_scores
 from heel.schemas.errors import HeelError
 from heel.services.sequence_file import sequence_file
 

@@ -34,7 +34,7 @@ def score(
     """Score TRACKS against GT: MOTA, MOTP, IDF1, HOTA, switches, keep%, wrong%, Dice."""
     from rich.console import Console
 
-    from heel.evaluation.report import (
+    from heel.evaluation.sequence_scores import (
         find_pairs,
         load_sequence,
         score_sequence,

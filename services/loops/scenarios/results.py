@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from heel.evaluation.following.scores import EpisodeScores, FollowingScores, summarise
+from heel.evaluation.following.episode_scores import EpisodeScores, FollowingScores, summarise
 from heel.schemas.errors import HeelError
 from heel.services.loops.scenarios.perception import EVERYTHING, Senses
 

@@ -35,7 +35,7 @@ class Body:
     ranges: Ranges | None = None
 
 
-class Control(Generic[Seen]):
+class ControlLoop(Generic[Seen]):
     """Calls follower and drive round by round; one round every `CONTROL_NS`.
 
     Args:

@@ -9,9 +9,9 @@ from pathlib import Path
 from heel.schemas.errors import HeelError
 from heel.services.capture.pan_window import PanSettings
 from heel.services.capture.sources import open_source
-from heel.services.loops.panning.episode import Episode, Outcome
-from heel.services.loops.panning.perception import Perception
-from heel.services.loops.panning.truth import NOBODY, People, read_people
+from heel.services.loops.panning.episode import Episode, PanOutcome
+from heel.services.loops.panning.perception import WindowPerception
+from heel.services.loops.panning.truth import NOBODY, TruePeople, read_people
 
 LEAST_VISIBLE_S = 3.0
 LEAD_IN_S = 3.0
@@ -28,7 +28,7 @@ class Appearance:
     frames: int
 
 
-def appearances(people: dict[int, People], least_frames: float) -> list[Appearance]:
+def appearances(people: dict[int, TruePeople], least_frames: float) -> list[Appearance]:
     """Everybody who is to be seen for long enough, by identity."""
     frames: dict[int, list[int]] = {}
     for frame, seen in people.items():
@@ -44,10 +44,10 @@ def appearances(people: dict[int, People], least_frames: float) -> list[Appearan
 def follow_everybody(
     sequence: Path,
     settings: PanSettings,
-    look: Callable[[], Perception],
+    look: Callable[[], WindowPerception],
     only: frozenset[int] = frozenset(),
     least_visible_s: float = LEAST_VISIBLE_S,
-) -> list[Outcome]:
+) -> list[PanOutcome]:
     """Follow everybody who is visible for long enough; outcomes by identity.
 
     Args:
@@ -88,7 +88,7 @@ def follow_everybody(
 
 
 def _start(
-    settings: PanSettings, seen: People, person: int, size: tuple[int, int]
+    settings: PanSettings, seen: TruePeople, person: int, size: tuple[int, int]
 ) -> PanSettings:  # fmt: skip
     left, top, right, bottom = seen.boxes_xyxy[seen.identities == person][0].tolist()
     x = min(max((left + right) / 2, 0.0), float(size[0]))
