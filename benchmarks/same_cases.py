@@ -36,11 +36,10 @@ from heel.services.drive.core import Drive
 from heel.services.drive.settings import DriveSettings
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
-from heel.services.loops.panning.perception import Perception as WindowPerception
-from heel.services.loops.panning.perception import PerceptionName
+from heel.services.loops.panning.everybody import follow_everybody
+from heel.services.loops.panning.perception import PerceptionName, WindowPerception
 from heel.services.loops.panning.perception import perception as perception_of
 from heel.services.loops.panning.scripted import Script, following, panning, scripted_frames
-from heel.services.loops.panning.sequence import follow_everybody
 from heel.services.loops.panning.truth import InWindow
 from heel.services.loops.scenarios.loop import ClosedLoop
 from heel.services.loops.scenarios.perception import Perception, SimulatedBoxes

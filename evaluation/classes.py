@@ -19,7 +19,7 @@ from heel.schemas.errors import HeelError
 PEDESTRIAN = 1
 """MOTChallenge's number of the class that is scored."""
 _NOT_SCORED = (2, 7, 8, 12)
-"""Ignored by the protocol: whoever or whatever looks like a pedestrian and is not evaluated."""
+"""Ignored by the protocol: what looks like a pedestrian and is not evaluated."""
 _MOST_CLASS = 13
 """Largest class of MOTChallenge: 13 is a crowd."""
 _VISDRONE_MOST = 11

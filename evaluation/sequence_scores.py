@@ -53,7 +53,7 @@ class SequenceScores(BaseModel):
         "is on that person, percent",
     )
     wrong: float = Field(
-        ge=0, le=100, description="share in which that id is on somebody else, percent"
+        ge=0, le=100, description="share in which that id is on another person, percent"
     )
     dice: float = Field(
         ge=0, le=100, description="the paper's accuracy (equation 7), mean over frames, percent"

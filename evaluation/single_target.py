@@ -1,7 +1,7 @@
 """Scores of following one person whose true box is known, as object tracking benchmarks give them.
 
 Success and precision: Y. Wu, J. Lim, M.-H. Yang, "Online Object Tracking: A Benchmark", CVPR 2013.
-Heel is given no box: whoever follows chooses an identity among the tracks that are shown. So the
+Heel is given no box: a user chooses an identity among the tracks that are shown. So the
 identity is chosen in the first frame in which a shown box is on the target, by the true box, and
 held to the end; frames before that and frames in which it is not shown count as missed.
 """

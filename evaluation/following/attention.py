@@ -1,4 +1,4 @@
-"""Whom the robot followed, whatever the distance: the right one, somebody else, nobody."""
+"""The person that the robot followed, at any distance: the right one, another one, none."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from heel.evaluation.following.log import NOBODY, EpisodeLog
 
 
 def wrong_person_time(log: EpisodeLog) -> float:
-    """Share of the episode's time in which the robot acts upon somebody else, 0 to 1.
+    """Share of the episode's time in which the robot acts upon another person, 0 to 1.
 
     Waiting because it is unsure is not following: abstaining is right where two look alike.
     """
@@ -20,7 +20,7 @@ def wrong_person_time(log: EpisodeLog) -> float:
 def longest_loss_s(log: EpisodeLog) -> float:
     """Longest time in one go in which the robot does not follow the target, s.
 
-    Time in which the target cannot be seen counts, too, and so does following somebody else. As
+    Time in which the target cannot be seen counts, too, and so does following another person. As
     "longest invisible run" in Follow-Bench 2.0, but of what the robot does, not of what it sees.
     """
     return _longest_run(log.followed != log.target) * log.period_s

@@ -13,7 +13,7 @@ _CLOSING_MPS = 0.05
 """A robot that comes nearer more slowly than this stands, as far as a walker can tell; chosen by
 hand."""
 _SEEN = 0.1
-"""Share of a box that has to be seen of somebody."""
+"""Share of a person's box that has to be seen."""
 
 
 def personal_space_compliance(log: EpisodeLog) -> float:
@@ -35,10 +35,11 @@ def minimum_distance_m(log: EpisodeLog) -> float:
 
 
 def driven_to_m(log: EpisodeLog) -> float:
-    """How near the robot drove to anybody it could see, from centre to centre, m.
+    """How near the robot drove to any person it could see, from centre to centre, m.
 
-    Only moments count at which its own motion brings it nearer to them: who walks up to a robot
-    that stands is not driven at. If it never drove at anybody, the least distance there was.
+    Only moments count at which its own motion brings it nearer to them: a
+    person that walks up to a standing robot is not driven at. If it never drove at a person, the
+    least distance there was.
     """
     offsets = log.people_xy_m - log.robot_xy_m[:, None, :]
     distances = log.distances_m()

@@ -35,7 +35,7 @@ class FollowingScores(BaseModel):
     spl: float = Field(ge=0, le=1, description="Habitat's SPS, mean of the episodes")
     f: float = Field(ge=0, le=1, description="Habitat's following rate F, mean of the episodes")
     wrong_time: float = Field(
-        ge=0, le=1, description="share of all time in which the robot acts upon somebody else"
+        ge=0, le=1, description="share of all time in which the robot acts upon another person"
     )
     space_1m: float = Field(
         ge=0, le=1, description="share of all time at 1.0 m or more from everybody"
@@ -45,10 +45,10 @@ class FollowingScores(BaseModel):
     )
     longest_loss_s: float = Field(ge=0, description="longest loss of all episodes, s")
     min_distance_m: float = Field(
-        ge=0, description="least distance to anybody's body in all episodes, m; 0 is contact"
+        ge=0, description="least distance to any person's body in all episodes, m; 0 is contact"
     )
     driven_to_m: float = Field(
-        ge=0, description="how near it drove to anybody in sight, from centre to centre, m"
+        ge=0, description="how near it drove to any person in sight, from centre to centre, m"
     )
 
 

@@ -28,7 +28,7 @@ class EvtScores:
     A step is a following one if the leader is at most 3.0 m away along the floor and seen: at
     least a quarter of their box is in the picture and not hidden (the original counts pixels of
     its own picture, 3000 or more). The episode is over, and lost, after more than 20 steps
-    beyond 4.0 m (straight line) since the last following step; contact with anybody ends it, too.
+    beyond 4.0 m (straight line) since the last following step; contact with a person ends it.
 
     Attributes:
         success: SR, 1 or 0: the planned end was reached, and its last step is a following one.

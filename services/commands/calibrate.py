@@ -1,4 +1,4 @@
-"""`heel calibrate`: how the camera is mounted, from somebody of known height who walks about."""
+"""`heel calibrate`: how the camera is mounted, from a person of known height who walks about."""
 
 from __future__ import annotations
 

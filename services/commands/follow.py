@@ -1,4 +1,4 @@
-"""`heel follow`: whom the robot that is running is to follow."""
+"""`heel follow`: the person that a running robot is to follow."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import zenoh
 
 _POINT_WAIT_S, _POINT_POLL_S = 8.0, 0.1
-"""Longer than the follower looks for somebody who was pointed at."""
+"""Longer than the follower looks for a person who was pointed at."""
 
 
 def follow(
@@ -59,7 +59,7 @@ def follow(
 
 
 def _found(session: zenoh.Session, asked: Target) -> Target:
-    """Who was found at a point.
+    """The person that was found at a point.
 
     Raises:
         HeelError: nobody was.

@@ -39,7 +39,7 @@ Config = Annotated[Path | None, typer.Option(help="settings file (TOML)", metava
 
 @dataclass(frozen=True)
 class Where:
-    """Whom a command talks to."""
+    """The robot that a command talks to."""
 
     zenoh: ZenohSettings
     run: Run | None
@@ -52,7 +52,7 @@ class Where:
 
 
 def find(connect: str | None, run: int | None, namespace: str | None, config: Path | None) -> Where:
-    """Whom the command is meant for: what was named, else the one run on this machine.
+    """The robot that a command is meant for: the one named, else the one run on this machine.
 
     Without a name and without a run it is the default router. With several it is never guessed:
     a stop must not go to another robot than the one that is meant.
@@ -103,7 +103,7 @@ def _listed(found: list[Run]) -> str:
 
 
 def _listens(endpoint: str) -> bool:
-    """Whether somebody listens at an endpoint of this machine."""
+    """Whether a process listens at an endpoint of this machine."""
     host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
     try:
         with socket.create_connection((host.strip("[]"), int(port)), _LOOPBACK_TIMEOUT_S):
@@ -142,7 +142,7 @@ def ask(
     """The first good reply on a key, None if nobody answers.
 
     Raises:
-        HeelError: the one who answers refuses.
+        HeelError: the process that answers refuses.
     """
     payload = None if request is None else encode(request)
     encoding = None if request is None else request.encoding()

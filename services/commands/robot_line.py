@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 MessageT = TypeVar("MessageT", bound=Message)
 REPEAT_S = 0.05
-"""Between two of the same message: 20 a second reach whoever can be reached, and flood nobody."""
+"""Between two of the same message: 20 a second reach all that can be reached, and flood none."""
 _ASK_S = 0.3
 _QUESTION_S = 1.0
 _FRESH_S = 0.5
@@ -50,7 +50,7 @@ class Heard:
     """Newest word of every drive, by producer, and when it came."""
     follower: tuple[FollowState, float] | None = None
     engagements: dict[str, EStop] = field(default_factory=dict)
-    """What those who were asked hold engaged, by id."""
+    """What the processes that were asked hold engaged, by id."""
     alive: set[str] = field(default_factory=set)
     """Kinds of services that are there, by their tokens: `drive`, `follower`."""
 
@@ -71,7 +71,7 @@ class RobotLine:
     Zenoh may block for ten seconds where a router hangs or an address does not answer.
 
     Args:
-        where: whom to talk to.
+        where: the robot to talk to.
     """
 
     def __init__(self, where: Where) -> None:

@@ -1,4 +1,4 @@
-"""`heel status`: who is there, who is not, and what the robot is doing."""
+"""`heel status`: which services are there, which are not, and what the robot is doing."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _LISTEN_S = 1.3
-"""Five messages of everybody's health; one of those who send it once a second."""
+"""Five messages of health of most services; one of those that send it once a second."""
 _MAX_WAITING = 1024
 _SHM = {True: "yes", False: "no", None: "-"}
 
@@ -63,7 +63,7 @@ class _Heard:
     unreadable: list[str] = field(default_factory=list)
 
     def problems(self, where: Where, now_s: float) -> list[Problem]:
-        """What is wrong with whoever is there, and who is not there."""
+        """What is wrong with the services that are there, and which are not there."""
         found = self.watch.problems(now_s)
         expected = set(where.run.parts if where.run is not None else ())
         for part, state in self.watch.rows(now_s):
@@ -79,7 +79,7 @@ class _Heard:
 
     @property
     def people(self) -> list[dict[str, Any]]:
-        """Who can be chosen: ids in sight."""
+        """People that can be chosen: ids in sight."""
         tracks = () if self.tracks is None else self.tracks.tracks
         return [
             {"id": track.id, "state": track.state,

@@ -24,9 +24,9 @@ _IN_ALL_S = 1.8
 _AT_LEAST_S = 1.0
 """The same from where the command begins to talk, on a computer that takes long to start one."""
 _ASK_S, _OBEY_S = 1.2, 1.0
-"""A resume has no hurry: so long it waits for who is there, and then for what they make of it."""
+"""A resume has no hurry: so long it waits for processes to be there, and then for their answers."""
 _SAID_AT_LEAST = 3
-"""A stop goes out so often even when the first was confirmed: whoever confirms may be a liar."""
+"""A stop goes out so often even when the first was confirmed: confirmations may be lies."""
 _HERE_S = 0.6
 _CLOSE_S = 0.15
 _SOURCE = "heel command"
@@ -226,7 +226,7 @@ def refusal(
 
 
 def is_released(heard: Heard, drive: bool, follower: bool, now_s: float) -> bool:
-    """Whether everybody who has to obey says that no emergency stop holds.
+    """Whether every process that has to obey says that no emergency stop holds.
 
     Args:
         heard: by now.
@@ -278,7 +278,7 @@ def _end(line: RobotLine, words: str, failed: bool) -> None:
         HeelError: it failed.
     """
     if not line.close(_CLOSE_S):
-        # Whoever waits for Zenoh now waits ten seconds.
+        # A process that waits for Zenoh now waits ten seconds.
         print(f"heel: {words}" if failed else words, file=sys.stderr if failed else sys.stdout)
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Whom the robot acts upon, judged by the truth of a simulated world."""
+"""The person that the robot acts upon, judged by the truth of a simulated world."""
 
 from __future__ import annotations
 

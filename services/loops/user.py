@@ -1,4 +1,4 @@
-"""The simulated user, who chooses whom the robot follows: looks at the picture and clicks."""
+"""The simulated user, who chooses the person to follow: looks at the picture and clicks."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def start_python(
         log: gets all that it writes.
         environment: what it inherits.
     """
-    # -P: a `heel.py` in the folder that the user happens to be in is somebody else's.
+    # -P: a `heel.py` in the folder that the user happens to be in is not ours.
     return subprocess.Popen(
         [sys.executable, "-P", *words], stdin=subprocess.DEVNULL, stdout=log, stderr=log,
         env={**environment, PARENT_VARIABLE: str(os.getpid())}, start_new_session=True,

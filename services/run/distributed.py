@@ -140,7 +140,7 @@ class DistributedRun:
         return collector.ended and self._capture is not None and self._capture.over
 
     def _check_order(self, children: Children, now_s: float) -> None:
-        """A service that ends while capture goes on was told to by somebody else."""
+        """A service that ends while capture goes on was told to from outside."""
         early = None if self._capture is None or self._capture.over else children.ended()
         if early is None:
             self._early_s = now_s

@@ -18,7 +18,7 @@ DEMO_PREFIX = "heel-demo-"
 class ScratchFolder:
     """A folder of this process and its forks, removed at the end.
 
-    A lock says that somebody is at work in it; what a killed run left behind is removed by `sweep`.
+    A lock says that a run is at work in it; what a killed run left behind is removed by `sweep`.
     """
 
     def __init__(self, parent: Path, prefix: str) -> None:

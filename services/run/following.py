@@ -18,9 +18,9 @@ class FollowingFigures:
 
     Attributes:
         followed_s: time in which the robot acted upon the person of the scenario.
-        wrong_s: time in which it acted upon anybody else.
-        contacts: times the robot came to touch somebody.
-        least_gap_m: least distance between the robot's body and anybody's; None before any frame.
+        wrong_s: time in which it acted upon another person.
+        contacts: times the robot came to touch a person.
+        least_gap_m: least distance between the robot's body and a person's; None before any frame.
         driven_m: length of the robot's way.
     """
 

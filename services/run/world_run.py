@@ -72,7 +72,7 @@ class WorldOptions:
         logs: folder for the logs of the services.
         episode_s: length of the one episode, seconds; None: there is always another one.
         seconds: end after so long; None: when the episode is over, or never.
-        ends_at_contact: end when the robot touches somebody.
+        ends_at_contact: end when the robot touches a person.
         page: the live page; None for none.
         truth: file for the truth of every frame, 2 GB a day; None for none.
         config: settings file of the services.
@@ -156,7 +156,7 @@ class WorldRun:
 
     def _start(self, session: zenoh.Session, endpoint: str, children: Children) -> None:
         o = self._options
-        # None ends with the stream: anybody who reaches the router could end them with one message.
+        # None ends with the stream: any client of the router could end them with one message.
         common = ["--connect", endpoint]
         common += ["--config", str(o.config)] if o.config is not None else []
         flags = {

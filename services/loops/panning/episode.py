@@ -36,7 +36,7 @@ class PanOutcome:
             for none of the following.
         in_window: the person is in the window with half of their box or more.
         kept: in the window, and the target's box lies on them.
-        wrong: the target's box lies on somebody else.
+        wrong: the target's box lies on another person.
         lost: frames after the choice in which the person was not kept, and the follower's state.
     """
 
@@ -162,7 +162,7 @@ def _box_of(truth: InWindow, person: int) -> NDArray[np.float64] | None:
 
 
 def _on_whom(tracks: Tracks, target: int, truth: InWindow) -> int | None:
-    """Whose box the target's lies on best, if on anybody's; whether or not it is shown."""
+    """The person that the target's box lies on best, if on any; None if it is not shown."""
     track = next((track for track in tracks.tracks if track.id == target), None)
     if track is None or not track.shown or not len(truth.identities):
         return None

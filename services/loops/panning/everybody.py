@@ -29,7 +29,7 @@ class Appearance:
 
 
 def appearances(people: dict[int, TruePeople], least_frames: float) -> list[Appearance]:
-    """Everybody who is to be seen for long enough, by identity."""
+    """Every person that is to be seen for long enough, by identity."""
     frames: dict[int, list[int]] = {}
     for frame, seen in people.items():
         for person in seen.identities.tolist():
@@ -48,7 +48,7 @@ def follow_everybody(
     only: frozenset[int] = frozenset(),
     least_visible_s: float = LEAST_VISIBLE_S,
 ) -> list[PanOutcome]:
-    """Follow everybody who is visible for long enough; outcomes by identity.
+    """Follow every person that is visible for long enough; outcomes by identity.
 
     Args:
         sequence: MOTChallenge directory with pictures and ground truth.

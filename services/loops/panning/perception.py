@@ -19,7 +19,7 @@ from heel.services.tracker.settings import TrackerSettings
 PerceptionName = Literal["true-boxes", "pixels"]
 
 _LEAST_INSIDE, _LEAST_PX = 0.25, 8.0
-"""Of a person cut by the window's border, that somebody who draws boxes would mark."""
+"""Of a person cut by the window's border, that an annotator would still mark."""
 _TRUE_SCORE = 0.95
 _PATCH_ROWS = 96
 
@@ -62,7 +62,7 @@ class Pixels:
 class TrueBoxes:
     """Ground truth as a detector of people would send it, and the tracker.
 
-    Boxes are cut at the window's border and carry the window's pixels; who they are is not told.
+    Boxes are cut at the window's border and carry the window's pixels; identities are left out.
     The motion of the camera is the window's own.
     """
 

@@ -79,7 +79,7 @@ class Played:
 def following(people: dict[int, TruePeople], frames: int, recording: Size, window: Size) -> Path2d:
     """After one person by the ground truth, 15 % of the way a frame, at most 8 pixels.
 
-    When the person is gone, after whoever of those annotated will be annotated for longest.
+    When the person is gone, after the person that will be annotated for longest.
     """
     last = {
         person: frame for frame in sorted(people) for person in people[frame].identities.tolist()
@@ -149,7 +149,7 @@ def play(
     """Show a scripted window of a recording and score what is seen in it.
 
     Every frame from the first, online, IoU 0.5. Ground truth is cut at the window's border and
-    counts from 60 % inside; a box on anybody else is a false alarm, and so is one on people whom
+    counts from 60 % inside; a box on any other is a false alarm, and so is one on people that
     the ground truth marks as not to be counted. Boxes shown are cut at the border, too.
 
     Args:
@@ -175,7 +175,7 @@ def play(
 
 
 def counted(seen: InWindow) -> tuple[list[int], NDArray[np.float64]]:
-    """Identities and boxes of those who lie in the window far enough to count."""
+    """Identities and boxes of the people that lie in the window far enough to count."""
     counts = (seen.inside >= COUNTS_FROM) & (_sides(seen.boxes_xyxy) >= _LEAST_PX)
     return seen.identities[counts].tolist(), seen.boxes_xyxy[counts]
 

@@ -53,7 +53,7 @@ class Claim:
     """What one frame's box said after the click.
 
     Attributes:
-        confidence: that it is who was chosen.
+        confidence: that it is the person that was chosen.
         proven: whether it was said to be a person.
         right: whether a person was under it; the one clicked on, if it was one.
     """

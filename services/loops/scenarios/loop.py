@@ -49,7 +49,7 @@ class ClosedLoop:
         drive: waiting.
         film: gets every picture; None for none.
         senses: what the robot has besides the camera.
-        user: chooses; None for somebody who clicks on the target.
+        user: chooses; None for `User`, which clicks on the target.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class ClosedLoop:
         follower.set_camera(camera_info(mount, senses is None or senses.calibrated))
 
     def run(self) -> Witness:
-        """Go on until the scenario is over or the robot touches somebody."""
+        """Go on until the scenario is over or the robot touches a person."""
         while not (self._world.finished or self._world.contacts):
             if self._now_ms % self._frame_ms == 0:
                 self._take_picture()

@@ -44,7 +44,7 @@ class Perception(Protocol):
         """The people in the picture that the camera takes of the world now."""
 
     def point(self, pointed: Pointed) -> None:
-        """A user points at somebody who is not tracked."""
+        """A user points at a person who is not tracked."""
 
 
 class SimulatedBoxes:

@@ -24,7 +24,7 @@ class Moment:
         robot: x, y (m), heading (rad), linear (m/s) and angular velocity (rad/s).
         people_m: x, y of everybody.
         visible: share of everybody's box that was to be seen in the newest picture.
-        contact: whether the robot has touched anybody by now.
+        contact: whether the robot has touched a person by now.
     """
 
     t_s: float
