@@ -37,9 +37,8 @@ def minimum_distance_m(log: EpisodeLog) -> float:
 def driven_to_m(log: EpisodeLog) -> float:
     """How near the robot drove to any person it could see, from centre to centre, m.
 
-    Only moments count at which its own motion brings it nearer to them: a
-    person that walks up to a standing robot is not driven at. If it never drove at a person, the
-    least distance there was.
+    Only moments count at which its own motion brings it nearer to them: a person that walks up to a
+    standing robot is not driven at. If it never drove at a person, the least distance there was.
     """
     offsets = log.people_xy_m - log.robot_xy_m[:, None, :]
     distances = log.distances_m()

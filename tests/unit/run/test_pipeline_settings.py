@@ -16,7 +16,7 @@ def test_the_detector_is_that_of_the_flag_or_else_of_the_file(
     tmp_path: Path, flag: str | None, used: str
 ) -> None:
     file = tmp_path / "heel.toml"
-    file.write_text('[detector]\ndetector = "ego"\nmodel_score = 0.4\n')
+    file.write_text('[detector]\ndetector = "ego"\nfeedback_lag_frames = 3\n')
     _, shown = load_pipeline("default", "none", file, flag)
     assert shown["detector"]["detector"] == used
-    assert shown["detector"]["model_score"] == 0.4
+    assert shown["detector"]["feedback_lag_frames"] == 3
