@@ -15,7 +15,7 @@ from heel.services.tracker.settings import TrackerSettings
 RATIO, DT_S = 0.37, 0.1
 ROWS, COLUMNS = 240, 320
 CANVAS = Canvas((ROWS, COLUMNS), 120.0, 1, RATIO)
-SETTINGS = TrackerSettings()
+SETTINGS = TrackerSettings().reporting("foreground")
 
 
 def person(number: int = 1, height: float = 60.0, moved: float = 0.0) -> Person:
@@ -65,7 +65,7 @@ def test_a_double_goes_soon_and_somebody_hidden_late(
     older.hits, younger.best_gain, younger.gain = 50, best_gain, 0.0
     people = [older, younger]
     for _ in range(round(for_s / DT_S)):
-        people = without_duplicates(people, RATIO, DT_S, SETTINGS.duplicate_gain)
+        people = without_duplicates(people, RATIO, DT_S)
     assert (younger in people) is kept
     assert older in people
 
