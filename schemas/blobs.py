@@ -67,7 +67,8 @@ class Blob(Part):
     patch: Patch
     score: Fraction | None = Field(
         default=None,
-        description="how sure a detector of people is of this one; none: a foreground region",
+        description="kind people: estimated probability that it is a person, with `sought` that it is "
+        "the one sought; none: a foreground region",
     )
     proven: Flag = Field(
         default=True,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from heel.evaluation.rows import BoxRows
     from heel.services.tracker.given_boxes.sequence import GivenSequence, Picture
-    from heel.services.tracker.given_boxes.track import TrackOutput
+    from heel.services.tracker.report import Report
     from heel.services.tracker.settings import TrackerSettings
 
 _REACH = 1.5
@@ -70,7 +70,7 @@ def track_detections(
     typer.echo(f"wrote {out}: {len(rows)} boxes, {people} identities")
 
 
-def shown_rows(tracked: Iterable[tuple[int, list[TrackOutput]]]) -> BoxRows:
+def shown_rows(tracked: Iterable[tuple[int, list[Report]]]) -> BoxRows:
     """What `track_sequence` yields, as rows of a tracks file."""
     import numpy as np
 
@@ -79,8 +79,8 @@ def shown_rows(tracked: Iterable[tuple[int, list[TrackOutput]]]) -> BoxRows:
     shown = [(frame, track) for frame, tracks in tracked for track in tracks]
     return rows_from_xyxy(
         [frame for frame, _ in shown],
-        [track.track_id for _, track in shown],
-        np.array([track.box for _, track in shown]),
+        [track.id for _, track in shown],
+        np.array([track.box_xyxy for _, track in shown]),
         [track.identity_confidence for _, track in shown],
     )
 

@@ -9,6 +9,7 @@ import numpy as np
 from heel.schemas import Blob, Blobs, Track
 from heel.schemas.base import BoxXyxy
 from heel.services.tracker.given_boxes.carry import CameraStep
+from heel.services.tracker.report import Report, tracks_of
 from heel.services.tracker.settings import Reporting
 
 _CONFIRM_FRAMES = 3
@@ -50,7 +51,7 @@ class SoughtTracker:
             self._miss(blobs, dt_s)
         if self._box is None or self._missed_s > self._reporting.forget_s:
             return []
-        return [self._track(self._box, blobs.height)]
+        return tracks_of([self._report(self._box, blobs.height)])
 
     def _see(self, blob: Blob, dt_s: float) -> None:
         if self._missed_s > self._reporting.forget_s and not self._identify:
@@ -85,22 +86,19 @@ class SoughtTracker:
         left, top, right, bottom = self._box
         self._box = (left + x, top + y, right + x, bottom + y) if by_the_frame else None
 
-    def _track(self, box: BoxXyxy, rows: int) -> Track:
-        left, top, right, bottom = box
-        confirmed = self._seen_frames >= _CONFIRM_FRAMES
-        seen = self._missed_frames == 0
-        return Track(
+    def _report(self, box: BoxXyxy, rows: int) -> Report:
+        return Report(
             id=self._id,
-            state="new" if not confirmed else "tracked" if seen else "lost",
             box_xyxy=box,
             velocity_pxps=self._velocity,
-            area_px=(right - left) * (bottom - top),
-            span_px=right - left,
-            identity_confidence=self._confidence,
+            confirmed=self._seen_frames >= _CONFIRM_FRAMES,
+            alone=self._missed_frames == 0,
             missed_frames=self._missed_frames,
-            shown=confirmed
-            and self._missed_s <= self._reporting.show_missed_s
-            and bottom - top >= self._reporting.min_height * rows,
+            in_front=(),
+            identity_confidence=self._confidence,
+            runner_up_confidence=0.0,
+            shown=self._missed_s <= self._reporting.show_missed_s
+            and box[3] - box[1] >= self._reporting.min_height * rows,
             proven=self._proven,
         )
 

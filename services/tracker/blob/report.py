@@ -1,51 +1,46 @@
-"""People to the tracks of a message."""
+"""What the paper's tracker knows of its people, as reports."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from heel.schemas import Track
-from heel.schemas.tracks import TrackState
 from heel.services.geometry import boxes
 from heel.services.tracker.blob.clusters import Cluster
 from heel.services.tracker.blob.lifecycle import Person
+from heel.services.tracker.report import Report
+
+_HIDES = 0.5
+"""Share of a missed person's box under that of a nearer one from which that one hides it."""
 
 
-def tracks_of(clusters: Sequence[Cluster]) -> list[Track]:
-    """Everybody who is known, by id."""
-    tracks = [_track(person, cluster) for cluster in clusters for person in cluster.people]
-    return sorted(tracks, key=lambda track: track.id)
+def reports_of(clusters: Sequence[Cluster]) -> list[Report]:
+    """Everybody who is known."""
+    everybody = [person for cluster in clusters for person in cluster.people]
+    return [
+        _report(person, cluster, everybody) for cluster in clusters for person in cluster.people
+    ]
 
 
-def _track(person: Person, cluster: Cluster) -> Track:
-    return Track(
+def _report(person: Person, cluster: Cluster, everybody: Sequence[Person]) -> Report:
+    if person.missed_frames:
+        least, others = _HIDES * boxes.area(person.box), everybody
+    else:
+        least, others = 0.0, cluster.people
+    return Report(
         id=person.id,
-        state=_state(person, cluster),
         box_xyxy=person.box,
         velocity_pxps=person.filter.velocity_pxps,
-        area_px=person.filter.area_px,
-        span_px=person.filter.span_px,
-        identity_confidence=person.identity_confidence,
-        runner_up_confidence=min(person.runner_up_confidence, 1.0 - person.identity_confidence),
-        occluded_by=tuple(sorted(other.id for other in _in_front(person, cluster))),
+        confirmed=person.confirmed,
+        alone=not person.missed_frames and not cluster.is_group,
         missed_frames=person.missed_frames,
+        in_front=tuple(
+            other.id
+            for other in others
+            if other.confirmed
+            and (other.box[3], other.id) > (person.box[3], person.id)
+            and boxes.intersection(other.box, person.box) > least
+        ),
+        identity_confidence=person.identity_confidence,
+        runner_up_confidence=person.runner_up_confidence,
         shown=person.is_shown,
     )
-
-
-def _state(person: Person, cluster: Cluster) -> TrackState:
-    if not person.confirmed:
-        return "new"
-    if person.missed_frames:
-        return "lost"
-    return "occluded" if cluster.is_group else "tracked"
-
-
-def _in_front(person: Person, cluster: Cluster) -> list[Person]:
-    """Members of the group who overlap the person and stand nearer: their feet are lower."""
-    return [
-        other
-        for other in cluster.people
-        if (other.box[3], other.id) > (person.box[3], person.id)
-        and boxes.intersection(other.box, person.box) > 0
-    ]

@@ -13,10 +13,11 @@ from heel.services.tracker.blob.clusters import Cluster, hiding_blob, parts_of
 from heel.services.tracker.blob.features import extract
 from heel.services.tracker.blob.lifecycle import Person
 from heel.services.tracker.blob.occlusion import classify
-from heel.services.tracker.blob.report import tracks_of
+from heel.services.tracker.blob.report import reports_of
 from heel.services.tracker.blob.settings import BlobSettings
 from heel.services.tracker.blob.sighting import Sighting, sightings_of
 from heel.services.tracker.blob.splitting import split
+from heel.services.tracker.report import tracks_of
 
 Pairs = list[tuple[Cluster, Sighting | None]]
 
@@ -53,7 +54,7 @@ class BlobTracker:
         self._clusters = _living(pairs, (0.0, 0.0, float(blobs.width), float(blobs.height)))
         self._give_birth(free)
         self._count_before = len(sightings)
-        return tracks_of(self._clusters)
+        return tracks_of(reports_of(self._clusters))
 
     def _match(self, sightings: Sequence[Sighting]) -> tuple[Pairs, list[Sighting]]:
         matches = assign(

@@ -1,16 +1,16 @@
-"""People to the tracks of a message."""
+"""People in working pixels, as reports in frame pixels."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from heel.schemas import Blobs, Track
+from heel.schemas import Blobs
 from heel.schemas.base import BoxXyxy
-from heel.schemas.tracks import TrackState
 from heel.services.geometry.boxes import cover
 from heel.services.tracker.fitted.person import Person
 from heel.services.tracker.fitted.scale import SceneScale
+from heel.services.tracker.report import Report
 from heel.services.tracker.settings import Reporting
 
 _SIDE, _BELOW = 0.03, 0.02
@@ -35,28 +35,23 @@ class Reporter:
         self._reporting = reporting
         self._may_be_cut = _CUT_STANDING if blobs.camera_motion is None else _CUT_MOVING
 
-    def tracks(self, people: Sequence[Person]) -> list[Track]:
-        """Everybody, by id."""
-        return [
-            self._track(person, people) for person in sorted(people, key=lambda person: person.id)
-        ]
+    def reports(self, people: Sequence[Person]) -> list[Report]:
+        """Everybody who is known."""
+        return [self._report(person, people) for person in people]
 
-    def _track(self, person: Person, people: Sequence[Person]) -> Track:
-        box = self._box(person)
-        confidence = _confidence(person)
+    def _report(self, person: Person, people: Sequence[Person]) -> Report:
         vx, vy = person.filter.velocity
         rise = vy * (1.0 - 0.5 * self._scale.line.slope)
-        return Track(
+        return Report(
             id=person.id,
-            state=_state(person),
-            box_xyxy=box,
+            box_xyxy=self._box(person),
             velocity_pxps=(vx * self._scale_x, rise * self._scale_y),
-            area_px=(box[2] - box[0]) * (box[3] - box[1]),
-            span_px=box[2] - box[0],
-            identity_confidence=confidence,
-            runner_up_confidence=min(person.runner_up_confidence, 1.0 - confidence),
-            occluded_by=self._in_front(person, people),
+            confirmed=person.confirmed,
+            alone=person.missed_frames == 0 and person.in_view >= OCCLUDED_BELOW,
             missed_frames=person.missed_frames,
+            in_front=self._in_front(person, people),
+            identity_confidence=_confidence(person),
+            runner_up_confidence=person.runner_up_confidence,
             shown=self._is_shown(person),
         )
 
@@ -102,11 +97,3 @@ def _confidence(person: Person) -> float:
     """That the id is still on the same person: contacts, decided or not, and time unseen."""
     exchanged = math.prod(1.0 - odds for odds in person.rivals.values())
     return person.identity_confidence * exchanged * math.exp(-person.missed_s / _DOUBT_S)
-
-
-def _state(person: Person) -> TrackState:
-    if not person.confirmed:
-        return "new"
-    if person.in_view < OCCLUDED_BELOW:
-        return "occluded"
-    return "lost" if person.missed_frames else "tracked"

@@ -39,6 +39,7 @@ from heel.services.tracker.fitted.person import Person
 from heel.services.tracker.fitted.report import Reporter
 from heel.services.tracker.fitted.samples import Sample, samples_of
 from heel.services.tracker.fitted.scale import SceneScale
+from heel.services.tracker.report import tracks_of
 from heel.services.tracker.settings import TrackerSettings
 
 _WEIGHT: FloatMap = np.array([0.0, 0.3, 1.0, 1.0, *[0.0] * 252], np.float32)
@@ -129,7 +130,8 @@ class FittedTracker:
             self._people = [person for person in self._people if self._outlasts(person, dt_s)]
         else:
             self._take_in(blobs, evidence, self._scale, dt_s)
-        return Reporter(blobs, self._shape, self._scale, self._reporting).tracks(self._people)
+        reporter = Reporter(blobs, self._shape, self._scale, self._reporting)
+        return tracks_of(reporter.reports(self._people))
 
     def settle(self) -> None:
         """Look at people and at the scene's scale in the frame before, unless that is done.

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from heel.schemas.errors import HeelError
 from heel.services.geometry.boxes import iou_matrix
@@ -37,8 +38,9 @@ from heel.services.tracker.given_boxes.looks import MOST_AGAINST
 from heel.services.tracker.given_boxes.newcomers import near_enough, newborn
 from heel.services.tracker.given_boxes.recall import Recall
 from heel.services.tracker.given_boxes.score_scale import ScoreScale
-from heel.services.tracker.given_boxes.track import Track, TrackOutput
+from heel.services.tracker.given_boxes.track import Track
 from heel.services.tracker.given_boxes.tuning import FILE, Tuning
+from heel.services.tracker.report import Report
 
 _EPSILON_S = 1e-6
 """Slack of comparisons of times, below any frame's."""
@@ -106,7 +108,8 @@ class BoxTracker:
         t_s: float,
         looks: FloatArray | None = None,
         camera: CameraStep | None = None,
-    ) -> list[TrackOutput]:
+        proven: NDArray[np.bool_] | None = None,
+    ) -> list[Report]:
         """Take one frame's boxes and return every track that is alive and near.
 
         Args:
@@ -115,13 +118,14 @@ class BoxTracker:
             t_s: time of the frame in seconds, not before the last frame's.
             looks: (N, D) as of `appearance.describe`, or None without pictures.
             camera: how the picture moved since the frame before, where that is known.
+            proven: (N,) whether a box is known to be on a person and no thing; all if None.
 
         Raises:
             HeelError: a box or score is not finite, a box has no area, or time runs backwards.
         """
         if self._last_s is not None and not t_s >= self._last_s:
             raise HeelError(f"frame at {t_s} s after one at {self._last_s} s; sort frames by time")
-        frame = checked(boxes, scores, looks)
+        frame = checked(boxes, scores, looks, proven)
         frame = replace(frame, scores=self._scale.normalised(frame.raw))
         frame = frame.select(frame.scores >= _KEEP_SCORE)
         seen = frame.measurements()
@@ -137,7 +141,7 @@ class BoxTracker:
         self._deaths(t_s, pictures=looks is not None)
         self._confirm(t_s, pictures=looks is not None)
         return [
-            track.output(
+            track.report(
                 t_s,
                 self._tuning,
                 looks is not None,
@@ -282,6 +286,7 @@ class BoxTracker:
             shared = 0.0
             if not track.confirmed and len(known):
                 shared = float(iou_matrix(track.box()[None], known).max())
+            track.proven = track.proven or bool(frame.proven[j])
             track.believe(float(frame.scores[j]), shared, t_s)
 
     def _sure_back(

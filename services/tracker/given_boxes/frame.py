@@ -23,30 +23,39 @@ class FrameBoxes:
         raw: (N,) the detector's scores, any scale.
         scores: (N,) in [0, 1], see `ScoreScale`.
         looks: (N, D) as of `appearance.describe`, or None without pictures.
+        proven: (N,) whether a box is known to be on a person and no thing.
     """
 
     boxes: FloatArray
     raw: FloatArray
     scores: FloatArray
     looks: FloatArray | None
+    proven: NDArray[np.bool_]
 
     def select(self, chosen: NDArray[Any]) -> FrameBoxes:
         """The boxes at indices, or where a mask is true."""
         looks = None if self.looks is None else self.looks[chosen]
-        return FrameBoxes(self.boxes[chosen], self.raw[chosen], self.scores[chosen], looks)
+        return FrameBoxes(
+            self.boxes[chosen], self.raw[chosen], self.scores[chosen], looks, self.proven[chosen]
+        )
 
     def measurements(self) -> FloatArray:
         """(N, 4) rows as of `geometry.boxes_to_measurements`."""
         return boxes_to_measurements(self.boxes)
 
 
-def checked(boxes: FloatArray, scores: FloatArray, looks: FloatArray | None) -> FrameBoxes:
+def checked(
+    boxes: FloatArray,
+    scores: FloatArray,
+    looks: FloatArray | None,
+    proven: NDArray[np.bool_] | None = None,
+) -> FrameBoxes:
     """Boxes sorted by place, so that the order in which a detector lists them plays no part.
 
     Boxes thinner than a pixel are left out.
 
     Args:
-        boxes: (N, 4) xyxy pixels. scores: (N,). looks: (N, D) or None.
+        boxes: (N, 4) xyxy pixels. scores: (N,). looks: (N, D) or None. proven: (N,), all if None.
 
     Raises:
         HeelError: shapes do not fit, a number is not finite, or a box has no area.
@@ -66,4 +75,5 @@ def checked(boxes: FloatArray, scores: FloatArray, looks: FloatArray | None) -> 
     order = np.lexsort((scores, *boxes.T))
     order = order[(boxes[order, 2:] - boxes[order, :2] > _LEAST_SIDE_PX).all(axis=1)]
     looks = None if looks is None else looks[order]
-    return FrameBoxes(boxes[order], scores[order], scores[order], looks)
+    proven = np.ones(len(scores), bool) if proven is None else proven
+    return FrameBoxes(boxes[order], scores[order], scores[order], looks, proven[order])

@@ -39,6 +39,7 @@ def newborn(
             continue
         mean, covariance = kalman.initial_state(seen[j : j + 1])
         made.append(Track.born(mean[0], covariance[0], float(scores[j]), t_s))
+        made[-1].proven = bool(frame.proven[j])
         taken = np.concatenate([taken, boxes[j : j + 1]])
     return made
 

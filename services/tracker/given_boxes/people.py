@@ -8,8 +8,8 @@ from heel.schemas import Blobs, Track
 from heel.services.tracker.given_boxes.appearance import describe
 from heel.services.tracker.given_boxes.box_tracker import BoxTracker
 from heel.services.tracker.given_boxes.carry import CameraStep
-from heel.services.tracker.given_boxes.track import TrackOutput
 from heel.services.tracker.given_boxes.tuning import ROBOT, tuned
+from heel.services.tracker.report import tracks_of
 from heel.services.tracker.settings import TrackerSettings
 
 
@@ -46,30 +46,12 @@ class PeopleTracker:
             dt_s: seconds since the frame before, > 0.
         """
         self._t_s += dt_s
-        found = self._tracker.update(
+        reports = self._tracker.update(
             np.array([blob.box_xyxy for blob in blobs.blobs]).reshape(-1, 4),
             np.array([1.0 if blob.score is None else blob.score for blob in blobs.blobs]),
             self._t_s,
             describe([blob.patch.array() for blob in blobs.blobs]) if self._identify else None,
             None if blobs.camera_motion is None else CameraStep.told(blobs.camera_motion),
+            np.array([blob.proven for blob in blobs.blobs], bool),
         )
-        known = sorted((output for output in found if output.track_id), key=lambda o: o.track_id)
-        return [_track(output) for output in known]
-
-
-def _track(output: TrackOutput) -> Track:
-    left, top, right, bottom = output.box.tolist()
-    speed_x, speed_y = output.velocity_pxps.tolist()
-    return Track(
-        id=output.track_id,
-        state=output.state.value,
-        box_xyxy=(left, top, right, bottom),
-        velocity_pxps=(speed_x, speed_y),
-        area_px=(right - left) * (bottom - top),
-        span_px=right - left,
-        identity_confidence=output.identity_confidence,
-        runner_up_confidence=output.runner_up_confidence,
-        occluded_by=output.occluded_by,
-        missed_frames=output.missed_frames,
-        shown=output.shown,
-    )
+        return tracks_of(reports)

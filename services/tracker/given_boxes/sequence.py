@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from heel.services.tracker.given_boxes.appearance import cut_out, describe
 from heel.services.tracker.given_boxes.box_tracker import BoxTracker
 from heel.services.tracker.given_boxes.geometry import FloatArray
-from heel.services.tracker.given_boxes.track import TrackOutput
 from heel.services.tracker.given_boxes.tuning import FILE, Tuning
+from heel.services.tracker.report import Report
 
 Picture = Callable[[int], NDArray[np.uint8]]
 """Gives the (H, W, 3) uint8 BGR picture of a frame, by its number from 1."""
@@ -43,7 +43,7 @@ def track_sequence(
     given: GivenSequence,
     tuning: Tuning = FILE,
     picture: Picture | None = None,
-) -> Iterator[tuple[int, list[TrackOutput]]]:
+) -> Iterator[tuple[int, list[Report]]]:
     """Yield each frame's number and the tracks a user is shown.
 
     Args:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from enum import Enum
 
 import numpy as np
 
 from heel.services.tracker.given_boxes.geometry import AXES, FloatArray
 from heel.services.tracker.given_boxes.looks import Gallery
 from heel.services.tracker.given_boxes.tuning import Tuning
+from heel.services.tracker.report import Report
 
 _EPSILON_S = 1e-6
 """Slack of comparisons of times, below any frame's."""
 _LEAST_CONFIDENCE = 0.52
-"""Confidence in a track whose motion says nothing of who it is; fitted, see `Track.output`."""
+"""Confidence in a track whose motion says nothing of who it is; fitted, see `Track.report`."""
 _CONFIDENCE_RANGE = 0.40
 """By how much that rises where motion leaves no doubt; fitted with it."""
 _FARTHEST_PX = 1e6
@@ -36,42 +36,6 @@ _CONFIRM_EXISTENCE = 0.95
 """Probability of being a person before a track is shown."""
 _WALKER_SCORE = 0.6
 """Mean score from which a track is shown that has walked before a camera that stands."""
-
-
-class TrackState(Enum):
-    """Where a track is in its life."""
-
-    NEW = "new"
-    TRACKED = "tracked"
-    OCCLUDED = "occluded"
-    LOST = "lost"
-
-
-@dataclass(frozen=True)
-class TrackOutput:
-    """What a user is told about one person in one frame.
-
-    Attributes:
-        track_id: unique for the life of the tracker, never reused, from 1; 0 until confirmed.
-        state: see `TrackState`.
-        box: (4,) xyxy pixels, filtered.
-        velocity_pxps: (2,) of the box's centre, pixels per second.
-        identity_confidence: probability in [0, 1] that this is still the person who got the id.
-        runner_up_confidence: the same for the best other known person.
-        missed_frames: frames since the person was last seen.
-        occluded_by: ids of those who hide the person, without order.
-        shown: whether a user should be shown the box.
-    """
-
-    track_id: int
-    state: TrackState
-    box: FloatArray
-    velocity_pxps: FloatArray
-    identity_confidence: float
-    runner_up_confidence: float
-    missed_frames: int
-    occluded_by: tuple[int, ...]
-    shown: bool
 
 
 @dataclass(eq=False)
@@ -100,6 +64,7 @@ class Track:
     anchor_spread_px: float = 0.0  # what carrying it along with a moving camera adds
     missed_frames: int = 0
     in_front: tuple[Track, ...] = ()  # who hides the person, nearest to the camera first
+    proven: bool = True  # known to be a person and no thing
     left: bool = False  # gone over the edge of the picture
 
     @classmethod
@@ -115,6 +80,7 @@ class Track:
         self.track_id = old.track_id
         self.confidence = old.confidence * probability
         self.runner_up = min(old.runner_up, 1 - self.confidence)
+        self.proven = self.proven or old.proven
         if old.gallery.looks > self.gallery.looks:
             self.gallery, self.vouched = old.gallery, old.vouched
 
@@ -193,10 +159,10 @@ class Track:
         half_width = half_height * math.exp(log_aspect)
         return np.array([x - half_width, y - half_height, x + half_width, y + half_height])
 
-    def output(
+    def report(
         self, t_s: float, tuning: Tuning, pictures: bool, at_side: bool, least_px: float
-    ) -> TrackOutput:
-        """What a user is told.
+    ) -> Report:
+        """What is known of it in this frame.
 
         Args:
             t_s: now. tuning: when a track is shown. pictures: whether looks are known.
@@ -213,21 +179,18 @@ class Track:
             # docs/records/association.md). Marginals of neighbouring frames repeat one doubt,
             # hence the root; where looks are known they settle it.
             confidence = _LEAST_CONFIDENCE + _CONFIDENCE_RANGE * math.sqrt(self.confidence)
-        return TrackOutput(
-            track_id=self.track_id,
-            state=self._state(t_s),
-            box=self.box(),
-            velocity_pxps=self.mean[:2, 1].copy(),
-            identity_confidence=confidence,
-            runner_up_confidence=min(self.runner_up, 1 - confidence),
+        left, top, right, bottom = self.box().tolist()
+        speed_x, speed_y = self.mean[:2, 1].tolist()
+        return Report(
+            id=self.track_id,
+            box_xyxy=(left, top, right, bottom),
+            velocity_pxps=(speed_x, speed_y),
+            confirmed=self.confirmed,
+            alone=self.alone_s == t_s,
             missed_frames=self.missed_frames,
-            occluded_by=tuple(other.track_id for other in self.in_front if other.track_id),
+            in_front=tuple(other.track_id for other in self.in_front if other.track_id),
+            identity_confidence=confidence,
+            runner_up_confidence=self.runner_up,
             shown=shown and self.mean_score >= least and self.height_px() >= least_px,
+            proven=self.proven,
         )
-
-    def _state(self, t_s: float) -> TrackState:
-        if not self.confirmed:
-            return TrackState.NEW
-        if self.alone_s == t_s:
-            return TrackState.TRACKED
-        return TrackState.OCCLUDED if self.in_front or self.seen_s == t_s else TrackState.LOST

@@ -33,5 +33,5 @@ def test_somebody_who_looks_different_is_the_same_only_without_a_gap(
         looks = np.zeros((0, LOOK_LENGTH)) if look is None else look[None]
         found = tracker.update(BOX[:seen], np.ones(int(seen)), t_s, looks)
 
-    ids = {output.track_id for output in found if output.state.value == "tracked"}
+    ids = {output.id for output in found if output.state == "tracked"}
     assert ids == ({1} if kept else {2})

@@ -12,7 +12,7 @@ from heel.services.tracker.given_boxes.box_tracker import BoxTracker
 from heel.services.tracker.given_boxes.camera_motion import CameraMotion, common_shift
 from heel.services.tracker.given_boxes.geometry import boxes_to_measurements, measurements_to_boxes
 from heel.services.tracker.given_boxes.score_scale import RunningMedian, ScoreScale
-from heel.services.tracker.given_boxes.track import TrackOutput
+from heel.services.tracker.report import Report
 
 Frame = tuple[NDArray[np.float64], NDArray[np.float64]]
 SEEDS = st.integers(0, 10_000)
@@ -36,7 +36,7 @@ def crowd(seed: int, frames: int = 40) -> list[Frame]:
     return made
 
 
-def track(frames: list[Frame]) -> list[list[TrackOutput]]:
+def track(frames: list[Frame]) -> list[list[Report]]:
     tracker = BoxTracker(image_size=(640, 640))
     return [tracker.update(boxes, scores, k / 7) for k, (boxes, scores) in enumerate(frames)]
 
@@ -47,7 +47,7 @@ def test_ids_are_unique_in_a_frame_and_never_reused_after_being_given_up(seed: i
     highest = 0
     known: set[int] = set()
     for tracks in track(crowd(seed)):
-        ids = [output.track_id for output in tracks if output.track_id]
+        ids = [output.id for output in tracks if output.id]
         assert len(ids) == len(set(ids))
         fresh = set(ids) - known
         assert all(identity > highest for identity in fresh)
@@ -65,9 +65,9 @@ def test_the_order_of_the_boxes_does_not_matter(seed: int) -> None:
         order = rng.permutation(len(boxes))
         mixed.append((boxes[order], scores[order]))
     for one, other in zip(track(frames), track(mixed), strict=True):
-        assert [output.track_id for output in one] == [output.track_id for output in other]
+        assert [output.id for output in one] == [output.id for output in other]
         for first, second in zip(one, other, strict=True):
-            np.testing.assert_array_equal(first.box, second.box)
+            np.testing.assert_array_equal(first.box_xyxy, second.box_xyxy)
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
@@ -75,9 +75,11 @@ def test_the_order_of_the_boxes_does_not_matter(seed: int) -> None:
 def test_confidence_is_a_probability_and_boxes_are_boxes(seed: int) -> None:
     for output in (output for tracks in track(crowd(seed)) for output in tracks):
         assert 0 <= output.identity_confidence <= 1
-        assert np.isfinite(output.box).all()
-        assert (output.box[2:] > output.box[:2]).all()
-        assert output.track_id > 0 or not output.shown
+        assert np.isfinite(output.box_xyxy).all()
+        left, top, right, bottom = output.box_xyxy
+        assert left < right
+        assert top < bottom
+        assert output.id > 0 or not output.shown
 
 
 @settings(max_examples=10, deadline=None, derandomize=True)
@@ -86,7 +88,7 @@ def test_what_was_said_does_not_depend_on_the_future(seed: int) -> None:
     frames = crowd(seed)
     whole, part = track(frames), track(frames[:20])
     for one, other in zip(whole, part, strict=False):
-        assert [output.track_id for output in one] == [output.track_id for output in other]
+        assert [output.id for output in one] == [output.id for output in other]
 
 
 @given(SEEDS)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from heel.services.tracker.given_boxes.box_tracker import BoxTracker
-from heel.services.tracker.given_boxes.track import TrackOutput
 from heel.services.tracker.given_boxes.tuning import ROBOT
+from heel.services.tracker.report import Report
 
 IMAGE = (1000, 500)
 FPS = 10.0
@@ -19,7 +19,7 @@ def person(x: float, height: float, foot: float = 400.0) -> Box:
     return x - 0.2 * height, foot - height, x + 0.2 * height, foot
 
 
-def shown(frames: list[list[Box]], scores: float = 0.9) -> list[list[TrackOutput]]:
+def shown(frames: list[list[Box]], scores: float = 0.9) -> list[list[Report]]:
     """Shown tracks of every frame of boxes."""
     tracker = BoxTracker(ROBOT, IMAGE)
     said = []
@@ -59,7 +59,7 @@ def test_a_known_person_who_walks_away_stays_known() -> None:
     frames = [[near, person(600, 60 - 0.5 * k)] for k in range(60)]
     said = shown(frames)
     assert len(said[5]) == len(said[-1]) == 2
-    assert {track.track_id for track in said[5]} == {track.track_id for track in said[-1]}
+    assert {track.id for track in said[5]} == {track.id for track in said[-1]}
 
 
 @pytest.mark.parametrize(
