@@ -67,8 +67,8 @@ class Blob(Part):
     patch: Patch
     score: Fraction | None = Field(
         default=None,
-        description="kind people: estimated probability that it is a person, with `sought` that it is "
-        "the one sought; none: a foreground region",
+        description="kind people: estimated probability that it is a person, with `sought` that it "
+        "is the one sought; none: a foreground region",
     )
     proven: Flag = Field(
         default=True,

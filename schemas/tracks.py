@@ -43,8 +43,8 @@ class Track(Part):
 
     id: PersonId = Field(description="never used again for another person by this tracker")
     state: TrackState = Field(
-        description="`tracked`: measured on its own in this frame; `occluded`: other tracks keep it "
-        "from that; `lost`: not measured, hidden by no track; `new`: not confirmed, never shown"
+        description="`tracked`: measured on its own in this frame; `occluded`: other tracks keep "
+        "it from that; `lost`: not measured, hidden by no track; `new`: not confirmed, never shown"
     )
     box_xyxy: BoxXyxy = Field(description="estimated, of the whole person, also where hidden")
     velocity_pxps: Point = Field(description="of the box centre, pixels per second")
