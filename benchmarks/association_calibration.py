@@ -10,9 +10,9 @@ from collections import Counter
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from heel.evaluation.rows import BoxRows
+from heel.services.geometry.assignment import heaviest_pairs
 from heel.services.geometry.boxes import iou_matrix
 
 _LEAST_IOU = 0.5
@@ -32,7 +32,7 @@ def claims_of(truth: BoxRows, tracks: BoxRows) -> list[Claim]:
         people = truth.select(truth.frames == frame)
         shown = tracks.select(tracks.frames == frame)
         overlap = iou_matrix(people.boxes_xyxy, shown.boxes_xyxy)
-        rows, columns = linear_sum_assignment(overlap, maximize=True)
+        rows, columns = heaviest_pairs(overlap)
         for i, j in zip(rows, columns, strict=True):
             if overlap[i, j] < _LEAST_IOU:
                 continue

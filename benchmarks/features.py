@@ -21,13 +21,13 @@ import cv2
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from benchmarks.common import publish, recordings
 from benchmarks.people_features import FEATURES, Vectors, vectors_of
 from heel.evaluation.motchallenge import ground_truth_file, read_ground_truth
 from heel.services.capture.sources import open_source
 from heel.services.detector.settings import DetectorSettings
+from heel.services.geometry.assignment import cheapest
 from heel.services.geometry.boxes import iou_matrix
 from heel.services.pipeline import InProcessPipeline, RecordedFrames
 from heel.services.runtime.command_line import run_app
@@ -157,8 +157,8 @@ def group_scores(seen: Seen, span: int) -> Counts:
         first = [[seen[frame][person]] for person in both]
         second = [[seen[frame + span][person]] for person in both]
         for name, count in counts.items():
-            rows, columns = linear_sum_assignment(_costs(name, first, second))
-            count[0] += int((rows == columns).sum())
+            columns = cheapest(_costs(name, first, second)).columns
+            count[0] += int((columns == np.arange(len(both))).sum())
             count[1] += len(both)
     return counts
 

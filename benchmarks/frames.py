@@ -16,11 +16,11 @@ import cv2
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from heel.schemas import Tracks
 from heel.schemas.errors import HeelError
 from heel.services.drawing import Annotator
+from heel.services.geometry.assignment import heaviest_pairs
 from heel.services.geometry.boxes import iou_matrix
 from heel.services.pipeline import RecordedFrames, load_pipeline, scene_truth
 from heel.services.runtime.command_line import run_app
@@ -57,7 +57,7 @@ def mistakes(tracks: Tracks, truth: Boxes) -> int:
     """People missed and boxes on nobody."""
     shown = np.array([track.box_xyxy for track in tracks.tracks if track.shown]).reshape(-1, 4)
     overlap = iou_matrix(truth, shown)
-    pairs = linear_sum_assignment(-overlap)
+    pairs = heaviest_pairs(overlap)
     return len(truth) + len(shown) - 2 * int((overlap[pairs] >= _IOU).sum())
 
 

@@ -7,10 +7,10 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from heel.evaluation.rows import BoxRows
 from heel.schemas.errors import HeelError
+from heel.services.geometry.assignment import heaviest_pairs
 from heel.services.geometry.boxes import iou_matrix
 
 FlagRule = Literal["mot15", "ignore", "all"]
@@ -139,9 +139,8 @@ def best_pairs(
     """
     score = iou if preferred is None else iou + 1000.0 * preferred
     score = np.where(iou < iou_threshold - EPSILON, 0.0, score)
-    rows, columns = linear_sum_assignment(-score)
-    matched = score[rows, columns] > EPSILON
-    return rows[matched].astype(np.int64), columns[matched].astype(np.int64)
+    rows, columns = heaviest_pairs(score, above=EPSILON)
+    return rows.astype(np.int64), columns.astype(np.int64)
 
 
 def _aligned_frames(

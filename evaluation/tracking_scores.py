@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from heel.evaluation.alignment import (
     EPSILON,
@@ -24,6 +23,7 @@ from heel.evaluation.alignment import (
     best_pairs,
     check_iou_threshold,
 )
+from heel.services.geometry.assignment import heaviest_pairs
 
 _ALPHAS = np.arange(0.05, 0.99, 0.05)
 """Thresholds of overlap over which HOTA is averaged: 0.05 to 0.95, the definition's."""
@@ -125,7 +125,7 @@ def _identity_matches(sequence: AlignedSequence, iou_threshold: float) -> int:
     together = np.zeros((len(sequence.gt_identities), len(sequence.track_identities)))
     for frame in _with_both(sequence):
         together[np.ix_(frame.gt, frame.tracks)] += frame.iou >= iou_threshold
-    rows, columns = linear_sum_assignment(together, maximize=True)
+    rows, columns = heaviest_pairs(together)
     return int(together[rows, columns].sum())
 
 
@@ -141,7 +141,7 @@ def _hota(
     matches = np.zeros((len(_ALPHAS), *boxes.shape))
     for frame in _with_both(sequence):
         score = alignment[np.ix_(frame.gt, frame.tracks)] * frame.iou
-        rows, columns = linear_sum_assignment(score, maximize=True)
+        rows, columns = heaviest_pairs(score)
         enough = frame.iou[rows, columns][None, :] >= _ALPHAS[:, None] - EPSILON
         matches[:, frame.gt[rows], frame.tracks[columns]] += enough
     found = matches.sum(axis=(1, 2))

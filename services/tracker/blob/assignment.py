@@ -1,18 +1,12 @@
-"""Kuhn-Munkres assignment of predicted boxes to blobs on their overlap.
-
-H. W. Kuhn, 1955; J. Munkres, 1957; scipy solves it by the method of Jonker and Volgenant.
-"""
+"""Kuhn-Munkres assignment of predicted boxes to blobs on their overlap."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
-
 from heel.schemas.base import BoxXyxy
-from heel.services.geometry import boxes
+from heel.services.geometry.assignment import heaviest_pairs
+from heel.services.geometry.boxes import as_array, iou_matrix
 
 
 def assign(predicted: Sequence[BoxXyxy], seen: Sequence[BoxXyxy]) -> dict[int, int]:
@@ -22,16 +16,5 @@ def assign(predicted: Sequence[BoxXyxy], seen: Sequence[BoxXyxy]) -> dict[int, i
     """
     if not predicted or not seen:
         return {}
-    scores = np.array([[boxes.iou(box, other) for other in seen] for box in predicted])
-    rows, columns = solve(-scores)
-    return {
-        int(row): int(column)
-        for row, column in zip(rows, columns, strict=True)
-        if scores[row, column] > 0.0
-    }
-
-
-def solve(costs: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of the assignment of least total cost."""
-    rows, columns = linear_sum_assignment(costs)
-    return rows, columns
+    rows, columns = heaviest_pairs(iou_matrix(as_array(predicted), as_array(seen)), above=0.0)
+    return dict(zip(rows.tolist(), columns.tolist(), strict=True))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.services.tracker.blob.assignment import solve
+from heel.services.geometry.assignment import cheapest, cheapest_without
 from heel.services.tracker.blob.features import FAMILIES, Features
 
 _IMPOSSIBLE = 1e6
@@ -64,13 +64,11 @@ def retain(costs: NDArray[np.float64], sharpness: float) -> Retention:
         costs: (N, N), mean about 1.
         sharpness: factor on the difference of mean costs before the logistic function.
     """
-    rows, columns = solve(costs)
-    best = float(costs[rows, columns].sum())
+    best = cheapest(costs)
+    columns = best.columns.tolist()
     confidence = []
-    for row, column in zip(rows, columns, strict=True):
-        without = costs.copy()
-        without[row, column] = _IMPOSSIBLE
-        other_rows, other_columns = solve(without)
-        margin = (float(without[other_rows, other_columns].sum()) - best) / len(costs)
+    for row, column in enumerate(columns):
+        other = cheapest_without(costs, row, column, _IMPOSSIBLE)
+        margin = (other.total - best.total) / len(costs)
         confidence.append(float(1.0 / (1.0 + np.exp(-min(sharpness * margin, 50.0)))))
-    return Retention(tuple(int(column) for column in columns), tuple(confidence))
+    return Retention(tuple(columns), tuple(confidence))

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
+from heel.services.geometry.assignment import cheapest, cheapest_without
 from heel.services.tracker.fitted.arrays import Floats
 
 _NATS_PER_DISTANCE = 1.0 / 0.03
@@ -56,21 +56,18 @@ def decide(nats: Floats, stranger_nats: Sequence[float]) -> list[Verdict]:
     costs: Floats = np.full((people, identities + people), _IMPOSSIBLE)
     costs[:, :identities] = nats
     costs[np.arange(people), identities + np.arange(people)] = stranger_nats
-    columns = linear_sum_assignment(costs)[1]
-    total = float(costs[np.arange(people), columns].sum())
+    best = cheapest(costs)
     verdicts = []
-    for row, column in enumerate(columns):
-        without = costs.copy()
-        without[row, column] = _IMPOSSIBLE
-        others = linear_sum_assignment(without)[1]
-        margin = float(without[np.arange(people), others].sum()) - total
+    for row, column in enumerate(best.columns.tolist()):
+        other = cheapest_without(costs, row, column, _IMPOSSIBLE)
+        margin = other.total - best.total
         confidence = 1.0 / (1.0 + math.exp(-min(margin, _MOST_NATS)))
-        other_known = others[row] < identities
+        other_known = bool(other.columns[row] < identities)
         if column >= identities:
             verdicts.append(Verdict(-1, 0.0, 0.0))
         else:
             rest = 1.0 - confidence if other_known else 0.0
-            verdicts.append(Verdict(int(column), confidence, rest))
+            verdicts.append(Verdict(column, confidence, rest))
     return verdicts
 
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
+from heel.services.geometry.assignment import heaviest_pairs
 from heel.services.tracker.given_boxes.geometry import AXES, FloatArray
 from heel.services.tracker.given_boxes.kalman import (
     ASPECT_MEAN,
@@ -101,8 +101,8 @@ def assign(log_odds: FloatArray) -> list[tuple[int, int]]:
     """
     if log_odds.size == 0:
         return []
-    rows, columns = linear_sum_assignment(np.maximum(log_odds, 0.0), maximize=True)
-    return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if log_odds[i, j] > 0]
+    rows, columns = heaviest_pairs(np.maximum(log_odds, 0.0), above=0.0)
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
 
 
 def marginals(log_odds: FloatArray, iterations: int = 12) -> FloatArray:
