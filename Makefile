@@ -31,7 +31,10 @@ demo: $(READY)  ## a robot follows somebody through a simulated world, with the 
 	$(BIN)/heel demo
 
 test: $(READY)  ## unit and integration tests
-	$(BIN)/python -m pytest -m 'not docker and not slow'
+	@# Unit tests share nothing and run side by side; those of real processes need the cores to
+	@# themselves.
+	$(BIN)/python -m pytest tests/unit -m 'not docker and not slow' --numprocesses 2 --dist loadfile
+	$(BIN)/python -m pytest tests/integration -m 'not docker and not slow'
 
 test-docker: $(READY)  ## the same services in containers
 	$(BIN)/python -m pytest -m docker
