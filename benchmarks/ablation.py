@@ -8,13 +8,20 @@ Example run: python -m benchmarks.ablation --write docs/records/results.md
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
 from benchmarks.accuracy import measure
-from benchmarks.common import Figure, data_folder, name_of, publish, recordings, write_json
+from benchmarks.common import (
+    Figure,
+    Json,
+    Recordings,
+    Write,
+    data_folder,
+    name_of,
+    publish,
+    recordings,
+    write_json,
+)
 from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -41,9 +48,9 @@ def variants_of(recording: str) -> dict[str, str]:
 
 @app.command()
 def main(
-    write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
-    recording: Annotated[list[str] | None, typer.Option(help="measure these instead")] = None,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    write: Write = None,
+    recording: Recordings = None,
+    json: Json = None,
 ) -> None:
     """Score the default and the default without each idea."""
     lines = [

@@ -14,7 +14,16 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.common import Figure, heel_run, name_of, publish, recordings, write_json
+from benchmarks.common import (
+    Figure,
+    Json,
+    Write,
+    heel_run,
+    name_of,
+    publish,
+    recordings,
+    write_json,
+)
 from heel.evaluation.sequence_scores import SequenceScores, evaluate
 from heel.services.pipeline import scene_truth
 from heel.services.runtime.command_line import run_app
@@ -70,9 +79,9 @@ def table(measured: list[tuple[str, SequenceScores, float]]) -> str:
 
 @app.command()
 def main(
-    write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
+    write: Write = None,
     recording: Annotated[list[str] | None, typer.Option(help="score these sources instead")] = None,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    json: Json = None,
 ) -> None:
     """Score both presets on all static recordings."""
     measured = []

@@ -13,7 +13,6 @@ import time
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import typer
@@ -21,7 +20,7 @@ import typer
 from benchmarks.association_calibration import Claim, claims_of, reliability_table
 from benchmarks.association_left_out import left_out_table
 from benchmarks.association_peers import Tracker, frame_count, peers, peers_note
-from benchmarks.common import data_folder, interleaved, median, publish
+from benchmarks.common import Write, data_folder, interleaved, median, publish
 from heel.evaluation.alignment import align
 from heel.evaluation.motchallenge import read_ground_truth
 from heel.evaluation.rows import BoxRows
@@ -126,7 +125,7 @@ def table(measured: list[Measured]) -> str:
 
 @app.command()
 def main(
-    write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
+    write: Write = None,
 ) -> None:
     """Track the given boxes of every sequence and score them beside the public trackers."""
     measured: list[Measured] = []

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
@@ -21,6 +21,10 @@ STATIC_SEQUENCES = (
     "PETS09-S2L1", "PETS09-S3MF1", "TUD-Campus", "TownCentre-A", "TownCentre-B", "TownCentre-C",
 )  # fmt: skip
 _RUN_TIMEOUT_S = 900
+
+Json = Annotated[Path | None, typer.Option(help="write the figures here")]
+Write = Annotated[Path | None, typer.Option(help="file whose tables are replaced")]
+Recordings = Annotated[list[str] | None, typer.Option(help="measure these instead")]
 
 
 @dataclass(frozen=True)

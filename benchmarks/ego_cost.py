@@ -12,15 +12,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated
 
 import cv2
 import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from benchmarks.common import Figure, data_folder, publish, write_json
+from benchmarks.common import Figure, Json, Write, data_folder, publish, write_json
 from heel.schemas import FrameId
 from heel.schemas.errors import HeelError
 from heel.services.detector.background.evidence import smoothed
@@ -88,8 +86,8 @@ def row(name: str, spent: dict[str, list[float]]) -> str:
 
 @app.command()
 def main(
-    write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    write: Write = None,
+    json: Json = None,
 ) -> None:
     """Print CPU milliseconds a frame of 640x480."""
     names = [name for name in (*PANNED, *MOVING) if (data_folder() / name).is_dir()]

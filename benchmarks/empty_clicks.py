@@ -14,13 +14,12 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterator, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Annotated
 
 import cv2
 import typer
 
-from benchmarks.common import Figure, publish, write_json
+from benchmarks.common import Figure, Json, Write, publish, write_json
 from heel.services.loops.scenarios.clicks import AIMS, WORLDS, Aim, ClickOutcome, click_in
 from heel.services.loops.scenarios.episode import StackSettings, load_stack
 from heel.services.runtime.command_line import run_app
@@ -116,8 +115,8 @@ def main(
     worlds: Annotated[int, typer.Option(min=1, help="worlds to click in")] = 5,
     anywhere: Annotated[int, typer.Option(min=0, help="clicks anywhere, of each world")] = 16,
     seed: Annotated[int, typer.Option(help="of the first world")] = 700,
-    write: Annotated[Path | None, typer.Option(help="file whose tables are replaced")] = None,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    write: Write = None,
+    json: Json = None,
 ) -> None:
     """Click on things and on people, and print what the robot made of it."""
     cv2.setNumThreads(1)

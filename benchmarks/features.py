@@ -15,14 +15,13 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated
 
 import cv2
 import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from benchmarks.common import publish, recordings
+from benchmarks.common import Recordings, Write, publish, recordings
 from benchmarks.people_features import FEATURES, Vectors, vectors_of
 from heel.evaluation.motchallenge import ground_truth_file, read_ground_truth
 from heel.services.capture.sources import open_source
@@ -181,8 +180,8 @@ def table(scores: dict[str, Counts]) -> str:
 
 @app.command()
 def main(
-    write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
-    recording: Annotated[list[str] | None, typer.Option(help="measure these instead")] = None,
+    write: Write = None,
+    recording: Recordings = None,
 ) -> None:
     """Print how often each feature names the right person."""
     scores: dict[str, Counts] = {}

@@ -17,7 +17,7 @@ from typing import Annotated
 
 import typer
 
-from benchmarks.common import Figure, data_folder, heel_run, publish, write_json
+from benchmarks.common import Figure, Json, Write, data_folder, heel_run, publish, write_json
 from heel.evaluation.motchallenge import read_ground_truth, read_tracks
 from heel.evaluation.sequence_scores import evaluate
 from heel.evaluation.single_target import SingleTargetScores, single_target_scores
@@ -109,8 +109,8 @@ def _shares(one: SingleTargetScores) -> list[str]:
 def main(
     model: Annotated[Path | None, typer.Option(help="ONNX network that finds people")] = None,
     sequence: Annotated[list[str] | None, typer.Option(help="only this one; repeatable")] = None,
-    write: Annotated[Path | None, typer.Option(help="file whose tables are replaced")] = None,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    write: Write = None,
+    json: Json = None,
 ) -> None:
     """Score the detectors on moving cameras, with a network where one is given."""
     known = (*ONE_PERSON, *SEVERAL)

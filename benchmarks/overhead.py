@@ -18,7 +18,16 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.common import Figure, heel_run, interleaved, median, name_of, recordings, write_json
+from benchmarks.common import (
+    Figure,
+    Json,
+    heel_run,
+    interleaved,
+    median,
+    name_of,
+    recordings,
+    write_json,
+)
 from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -70,7 +79,7 @@ def main(
     recording: Annotated[
         list[str] | None, typer.Option(help="measure on these sources instead")
     ] = None,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    json: Json = None,
 ) -> None:
     """Compare the processes with the in-process pipeline on six recordings."""
     table = Table("recording", "frames", "processes s", "in process s", "ratio")

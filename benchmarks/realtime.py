@@ -16,7 +16,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.common import Figure, data_folder, heel_run, median, write_json
+from benchmarks.common import Figure, Json, data_folder, heel_run, median, write_json
 from heel.services.runtime.command_line import run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -49,7 +49,7 @@ def figures_of(summary: dict[str, Any]) -> dict[str, tuple[float, str, float]]:
 def main(
     runs: Annotated[int, typer.Option(help="live runs", min=1)] = 5,
     seconds: Annotated[float, typer.Option(help="length of each run")] = 20.0,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    json: Json = None,
 ) -> None:
     """Run live and report medians over the runs, and the worst run."""
     measured: dict[str, list[tuple[float, str, float]]] = {}

@@ -11,12 +11,21 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from benchmarks.association_calibration import Claim, claims_of, reliability_table
-from benchmarks.common import Figure, heel_run, name_of, publish, recordings, write_json
+from benchmarks.common import (
+    Figure,
+    Json,
+    Recordings,
+    Write,
+    heel_run,
+    name_of,
+    publish,
+    recordings,
+    write_json,
+)
 from heel.evaluation.motchallenge import ground_truth_file, read_ground_truth, read_tracks
 from heel.services.runtime.command_line import run_app
 
@@ -55,9 +64,9 @@ def left_out_table(claims: dict[str, list[Claim]]) -> str:
 
 @app.command()
 def main(
-    write: Annotated[Path | None, typer.Option(help="file whose tables are replaced")] = None,
-    recording: Annotated[list[str] | None, typer.Option(help="measure these instead")] = None,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    write: Write = None,
+    recording: Recordings = None,
+    json: Json = None,
 ) -> None:
     """Print how often ids were right, by the confidence they were given."""
     claims = {name_of(source): claims_on(source) for source in recordings(recording)}

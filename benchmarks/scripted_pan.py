@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 import typer
 
-from benchmarks.common import Figure, data_folder, publish, write_json
+from benchmarks.common import Figure, Json, Write, data_folder, publish, write_json
 from heel.schemas.errors import HeelError
 from heel.services.detector.settings import DetectorSettings
 from heel.services.loops.panning.perception import Pixels
@@ -70,8 +70,8 @@ def measure(sequence: Path, detectors: Sequence[str]) -> tuple[list[str], list[F
 @app.command()
 def main(
     detector: Annotated[list[str] | None, typer.Option(help="these instead of ego, mog2")] = None,
-    write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    write: Write = None,
+    json: Json = None,
 ) -> None:
     """Score detectors, with the tracker behind them, on a scripted window."""
     sequence = data_folder() / SEQUENCE

@@ -11,14 +11,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.common import Figure, median, write_json
+from benchmarks.common import Figure, Json, median, write_json
 from heel.schemas import FrameId
 from heel.services.runtime.command_line import run_app
 from heel.services.simulator.boxes import SimulatedDetector
@@ -61,7 +60,7 @@ def main(
     runs: Annotated[int, typer.Option(help="episodes of each scenario", min=1)] = 3,
     seconds: Annotated[int, typer.Option(help="of each episode", min=1, max=30)] = 15,
     only: Annotated[list[str] | None, typer.Option(help="these scenarios instead of all")] = None,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    json: Json = None,
 ) -> None:
     """Print the CPU time of world, boxes, ranges and truth by scenario."""
     table = Table("scenario", *(f"{part} ms/s" for part in PARTS), "times real time")

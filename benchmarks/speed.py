@@ -9,14 +9,21 @@ Example run: python -m benchmarks.speed --write docs/records/results.md
 from __future__ import annotations
 
 import time
-from pathlib import Path
-from typing import Annotated
 
 import cv2
 import numpy as np
 import typer
 
-from benchmarks.common import Figure, name_of, publish, recordings, write_json
+from benchmarks.common import (
+    Figure,
+    Json,
+    Recordings,
+    Write,
+    name_of,
+    publish,
+    recordings,
+    write_json,
+)
 from heel.services.detector.settings import DetectorSettings
 from heel.services.pipeline import InProcessPipeline, RecordedFrames
 from heel.services.runtime import process
@@ -50,9 +57,9 @@ def measure(recording: str) -> dict[str, list[float]]:
 
 @app.command()
 def main(
-    write: Annotated[Path | None, typer.Option(help="file whose table is replaced")] = None,
-    recording: Annotated[list[str] | None, typer.Option(help="measure these instead")] = None,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    write: Write = None,
+    recording: Recordings = None,
+    json: Json = None,
 ) -> None:
     """Print median and 95th percentile of every step."""
     cv2.setNumThreads(1)

@@ -24,7 +24,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.common import Figure, median, write_json
+from benchmarks.common import Figure, Json, median, write_json
 from benchmarks.stopping.fault import Fault
 from benchmarks.stopping.faults import all_faults
 from benchmarks.stopping.rig import Rig
@@ -119,7 +119,7 @@ def main(
     trials: Annotated[int, typer.Option(help="trials of every fault", min=1)] = 20,
     only: Annotated[str, typer.Option(help="faults whose name holds one of these, A,B")] = "",
     seed: Annotated[int, typer.Option(help="of the moments at which faults come")] = 1,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    json: Json = None,
     write: Annotated[Path | None, typer.Option(help="put the rows into this document")] = None,
     logs: Annotated[Path | None, typer.Option(help="keep the services' logs here")] = None,
 ) -> None:

@@ -18,7 +18,7 @@ from typing import Annotated
 import cv2
 import typer
 
-from benchmarks.common import Figure, data_folder, write_json
+from benchmarks.common import Figure, Json, data_folder, write_json
 from heel.schemas.errors import HeelError
 from heel.services.capture.pan_window import PanSettings
 from heel.services.loops.panning.episode import PanOutcome
@@ -91,7 +91,7 @@ def main(
     ] = None,
     person: Annotated[list[int] | None, typer.Option(help="follow these only")] = None,
     fov_deg: Annotated[float, typer.Option(help="field of view of the window")] = 60.0,
-    json: Annotated[Path | None, typer.Option(help="write the figures here")] = None,
+    json: Json = None,
 ) -> None:
     """Follow everybody who is visible for three seconds or more, and print how long that held."""
     cv2.setNumThreads(1)

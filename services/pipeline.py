@@ -1,7 +1,6 @@
 """The cores called one after the other in one process: what the separate processes must equal.
 
-This is the one module beside the command line that knows several services; nothing in them knows
-it.
+The closed loops and the in-process run are built on it; no service knows it.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""`heel run`: one source through the real processes, or the same cores in this one; files out."""
+"""Runs: a source or a simulated world through the real processes, or the same cores in this one."""

@@ -24,7 +24,6 @@ from heel.schemas import (
     keys,
 )
 from heel.schemas.image import decode_image
-from heel.services.run.join import FrameJoin
 from heel.services.run.options import RunOptions
 from heel.services.run.outputs import RunOutputs
 from heel.services.run.silence import HUNG_S, Silences
@@ -78,7 +77,7 @@ class Collector:
         inbox.subscribe("health", keys.ALL_HEALTH, qos.HEALTH)
         inbox.subscribe("info", keys.info(CAMERA), qos.INFO)
         inbox.subscribe("target", keys.FOLLOW_TARGET, qos.TARGET)
-        self._join = FrameJoin(frozenset(topics))
+        self._join = _FrameJoin(frozenset(topics))
         self._progress = session.declare_publisher(
             keys.progress(CAMERA, CONSUMER), express=True,
             congestion_control=zenoh.CongestionControl.BLOCK,
@@ -227,3 +226,23 @@ class Collector:
         if newest is not None:
             progress = Progress(stream=CAMERA, epoch=epoch, seq=newest)
             self._progress.put(encode(progress), encoding=Progress.encoding())
+
+
+class _FrameJoin:
+    """Collects the parts of each frame; frames are released in order, once all parts are there."""
+
+    def __init__(self, parts: frozenset[str]) -> None:
+        self._parts = parts
+        self._have: dict[int, set[str]] = {}
+        self._next = 0
+
+    def add(self, part: str, seq: int) -> int | None:
+        """Note a part; returns the newest frame that is complete with all before it, if new."""
+        if seq >= self._next:
+            self._have.setdefault(seq, set()).add(part)
+        newest = None
+        while self._have.get(self._next, set()) >= self._parts:
+            del self._have[self._next]
+            newest = self._next
+            self._next += 1
+        return newest
