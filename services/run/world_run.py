@@ -9,11 +9,11 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import zenoh
-from zenoh.handlers import FifoChannel, Handler
 
 from heel.schemas import (
     EndOfStream,
@@ -141,7 +141,7 @@ class WorldRun:
                     registered("demo", o.scenario, endpoint, ("simulator", *o.services), self._log)
                 )
             self._start(session, endpoint, children)
-            self._look_on(inbox, children, Onlooker(self._recorder, _Click(session)))
+            self._look_on(inbox, children, Onlooker(self._recorder, partial(_click, session)))
 
     def _subscribe(self, inbox: Inbox) -> None:
         # This end writes a record: it keeps more than the newest message.
@@ -259,15 +259,13 @@ class WorldRun:
             page.on_page(url)
 
 
-class _Click:
-    """Chooses as the page does, without waiting for the answer: the next state tells it."""
+def _click(session: zenoh.Session, request: TargetRequest) -> None:
+    """Choose as the page does, without waiting for the answer: the next state tells it."""
+    session.get(
+        keys.FOLLOW_TARGET, _leave_unread, timeout=_ANSWER_S, payload=encode(request),
+        encoding=request.encoding(),
+    )  # fmt: skip
 
-    def __init__(self, session: zenoh.Session) -> None:
-        self._session = session
-        self._asked: Handler[zenoh.Reply] | None = None
 
-    def __call__(self, request: TargetRequest) -> None:
-        self._asked = self._session.get(
-            keys.FOLLOW_TARGET, FifoChannel(1), timeout=_ANSWER_S, payload=encode(request),
-            encoding=request.encoding(),
-        )  # fmt: skip
+def _leave_unread(reply: zenoh.Reply) -> None:
+    """Of a click; see there."""

@@ -18,6 +18,7 @@ import pytest
 from heel.schemas import Health, encode, keys
 from heel.services.runtime.registry import Run, runs
 from tests.support.network import client, wait_until
+from tests.support.processes import running
 
 HEEL = [sys.executable, "-m", "heel"]
 
@@ -33,19 +34,13 @@ def heel(endpoint: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     """A looped scene through all services, as it is found on this machine."""
     out = tmp_path_factory.mktemp("control")
-    process = subprocess.Popen(
-        [*HEEL, "run", "scene:demo?width=320&height=240", "--out", str(out), "--live", "--loop",
-         "--target", "none"],
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-    try:
+    words = ("run", "scene:demo?width=320&height=240", "--out", str(out), "--live", "--loop")
+    with running("-m", "heel", *words, "--target", "none") as process:
         tracks = out / "tracks.txt"
         wait_until(lambda: tracks.is_file() and tracks.stat().st_size > 0, "tracks", 60.0)
         [found] = runs()
         yield found
-    finally:
-        process.terminate()
-        process.wait(timeout=20)
+        process.stop(signal.SIGTERM, 20.0)
     assert runs() == [], "a run that has ended is found no more"
 
 
