@@ -35,9 +35,11 @@ NONE, SHADOW, FOREGROUND, MOVING = 0, 1, 2, 3
 class Patch(Part):
     """The BGR pixels under a blob's box, at working size, row-major."""
 
-    width: Annotated[int, Field(strict=True, ge=1, le=4096)]
-    height: Annotated[int, Field(strict=True, ge=1, le=4096)]
-    bgr: Annotated[bytes, Field(strict=True, max_length=1 << 20)]
+    width: Annotated[int, Field(strict=True, ge=1, le=4096)] = Field(description="pixels")
+    height: Annotated[int, Field(strict=True, ge=1, le=4096)] = Field(description="pixels")
+    bgr: Annotated[bytes, Field(strict=True, max_length=1 << 20)] = Field(
+        description="width x height x 3 bytes, row by row, blue first"
+    )
 
     @model_validator(mode="after")
     def _size_matches(self) -> Self:
@@ -63,8 +65,10 @@ class Blob(Part):
         description="left < right, top < bottom, at most one frame's size outside"
     )
     area_px: NonNegative = Field(description="foreground pixels, frame scale")
-    centroid: Point
-    patch: Patch
+    centroid: Point = Field(
+        description="mean of the foreground pixels, of the box for people; frame pixels"
+    )
+    patch: Patch = Field(description="the pixels under the box")
     score: Fraction | None = Field(
         default=None,
         description="kind people: estimated probability that it is a person, with `sought` that it "
@@ -84,10 +88,14 @@ class Evidence(Part):
     is 2 to 6 kB.
     """
 
-    width: Annotated[int, Field(strict=True, ge=1, le=2048)]
-    height: Annotated[int, Field(strict=True, ge=1, le=2048)]
+    width: Annotated[int, Field(strict=True, ge=1, le=2048)] = Field(
+        description="of the map, working pixels"
+    )
+    height: Annotated[int, Field(strict=True, ge=1, le=2048)] = Field(description="likewise")
     # Two planes of 2^20 pixels that zlib cannot shrink, and its own overhead.
-    data: Annotated[bytes, Field(strict=True, max_length=262144 + 256)]
+    data: Annotated[bytes, Field(strict=True, max_length=262144 + 256)] = Field(
+        description="the map, packed as told under Evidence"
+    )
 
     @model_validator(mode="after")
     def _is_bounded(self) -> Self:
@@ -146,7 +154,9 @@ class Blobs(FrameId, Message):
     height: Dimension
     source_width: Dimension
     source_height: Dimension
-    blobs: Annotated[tuple[Blob, ...], Field(max_length=MAX_BLOBS), FailFast()] = ()
+    blobs: Annotated[tuple[Blob, ...], Field(max_length=MAX_BLOBS), FailFast()] = Field(
+        default=(), description="what was found in this frame"
+    )
     kind: Literal["regions", "people"] = Field(
         default="regions",
         description="regions: pieces of foreground; people: one box a person, each with a score",
@@ -157,13 +167,18 @@ class Blobs(FrameId, Message):
         "number; another number is somebody else",
     )
     blobs_left_out: Count = Field(default=0, description="blobs beyond the cap of the message")
-    evidence: Evidence | None = None
+    evidence: Evidence | None = Field(
+        default=None,
+        description="per-pixel labels behind regions; none: kind people, or nothing new",
+    )
     camera_motion: CameraMotion | None = Field(default=None, description="none: it stood still")
     detector: Name = Field(description="which detector made this, e.g. mog2")
     background: Literal["learning", "valid", "invalid"] = Field(
         default="valid", description="whether the background model can be believed"
     )
-    background_reason: Text = ""
+    background_reason: Text = Field(
+        default="", description="why it cannot be believed, in words; empty: it can"
+    )
     protected_seq: Count | None = Field(
         default=None, description="frame whose tracks were kept out of the background, if any"
     )

@@ -34,7 +34,7 @@ class MotionCommand(Message):
     schema_name: ClassVar[str] = "command"
     max_bytes: ClassVar[int] = 1024
 
-    seq: Count
+    seq: Count = Field(description="goes up by one with each command")
     linear_mps: Annotated[float, Field(strict=True, ge=-5, le=5)] = Field(
         description="forward is positive"
     )
@@ -44,8 +44,8 @@ class MotionCommand(Message):
     ttl_s: Annotated[float, Field(strict=True, gt=0, le=5)] = Field(
         description="the receiver stops this long after the last command"
     )
-    state: FollowStateName
-    reason: Annotated[str, Field(strict=True, max_length=96)]
+    state: FollowStateName = Field(description="of the follower")
+    reason: Annotated[str, Field(strict=True, max_length=96)] = Field(description="why, in words")
     frame: FrameId | None = Field(default=None, description="the newest tracks it rests on")
 
 
@@ -55,10 +55,10 @@ class TargetRequest(Message):
     schema_name: ClassVar[str] = "target-request"
     max_bytes: ClassVar[int] = 1024
 
-    mode: TargetMode
-    track_id: PersonId | None = None
-    x_px: Real | None = None
-    y_px: Real | None = None
+    mode: TargetMode = Field(description="how the target is chosen; none: nobody is to be followed")
+    track_id: PersonId | None = Field(default=None, description="mode id: of whom")
+    x_px: Real | None = Field(default=None, description="mode point: in pixels of the frame")
+    y_px: Real | None = Field(default=None, description="likewise, down")
     tracker: Producer | None = Field(
         default=None,
         description="who gave out track_id, so that 7 cannot mean another 7 after a restart",
@@ -79,11 +79,11 @@ class Target(Message):
     schema_name: ClassVar[str] = "target"
     max_bytes: ClassVar[int] = 4096
 
-    seq: Count
-    mode: TargetMode
-    track_id: PersonId | None = None
-    tracker: Producer | None = None
-    reason: Text = ""
+    seq: Count = Field(description="goes up by one with each change")
+    mode: TargetMode = Field(description="how the target was chosen")
+    track_id: PersonId | None = Field(default=None, description="of whom; none: nobody yet")
+    tracker: Producer | None = Field(default=None, description="that gave out `track_id`")
+    reason: Text = Field(default="", description="why it is so, in words")
 
 
 class Pointed(Message):
@@ -95,8 +95,8 @@ class Pointed(Message):
     frame: FrameId = Field(description="the newest tracks when it was chosen")
     width: Dimension = Field(description="of the frame, pixels")
     height: Dimension
-    x_px: Real
-    y_px: Real
+    x_px: Real = Field(description="of the point, pixels of that frame")
+    y_px: Real = Field(description="likewise, down")
 
 
 class EStop(Message):
@@ -105,8 +105,10 @@ class EStop(Message):
     schema_name: ClassVar[str] = "estop"
     max_bytes: ClassVar[int] = 512
 
-    engaged: Flag
-    source: Annotated[str, Field(strict=True, max_length=96)]
+    engaged: Flag = Field(description="true: stop; false: release")
+    source: Annotated[str, Field(strict=True, max_length=96)] = Field(
+        description="who pressed it, in words"
+    )
     t_ns: TimeNs = Field(default=0, description="when it was pressed; a release is not older")
     id: Annotated[str, Field(strict=True, pattern=r"^[0-9a-f]{0,32}$")] = Field(
         default="",
@@ -120,14 +122,14 @@ class FollowState(Message):
     schema_name: ClassVar[str] = "state"
     max_bytes: ClassVar[int] = 8192
 
-    seq: Count
-    state: FollowStateName
-    reason: Text
-    estop: Flag
-    target: Target
+    seq: Count = Field(description="of the newest command")
+    state: FollowStateName = Field(description="of the follower")
+    reason: Text = Field(description="why, in words")
+    estop: Flag = Field(description="whether an emergency stop holds")
+    target: Target = Field(description="whom it follows or waits for")
     tracks_age_s: NonNegative | None = Field(default=None, description="none: no tracks yet")
-    linear_mps: Real
-    angular_radps: Real
+    linear_mps: Real = Field(description="commanded; forward is positive")
+    angular_radps: Real = Field(description="commanded; left is positive")
     distance_m: NonNegative | None = Field(default=None, description="of the target, if in sight")
     bearing_rad: Real | None = Field(default=None, description="of the target, left is positive")
     identity_confidence: Fraction | None = Field(default=None, description="of the target")

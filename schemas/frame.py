@@ -50,8 +50,10 @@ class Header(FrameId, Message):
     height: Dimension
     source_width: Dimension = Field(description="width before capture scaled the frame")
     source_height: Dimension = Field(description="height before capture scaled the frame")
-    image_encoding: ImageEncoding
-    producer: Producer
+    image_encoding: ImageEncoding = Field(
+        description="of the payload: rows of blue, green, red bytes, or a JPEG"
+    )
+    producer: Producer = Field(description="the capture process")
     age_ns: AgeNs = Field(default=0, description="monotonic time from acquisition to sending")
 
 
@@ -65,7 +67,7 @@ class Stamp(Message):
     schema_name: ClassVar[str] = "stamp"
     max_bytes: ClassVar[int] = 512
 
-    producer: Producer
+    producer: Producer = Field(description="the process that computed the payload")
     t_sent_ns: TimeNs = Field(description="wall clock when sent; for display, never for safety")
     age_ns: AgeNs = Field(
         description="monotonic time since acquisition spent inside services, transit not counted"
@@ -82,9 +84,9 @@ class Taken(Message):
     schema_name: ClassVar[str] = "taken"
     max_bytes: ClassVar[int] = 512
 
-    stream: Name
-    epoch: Count
-    seq: Count
+    stream: Name = Field(description="camera name")
+    epoch: Count = Field(description="of the frame")
+    seq: Count = Field(description="of the frame")
     clock: Annotated[str, Field(strict=True, pattern=r"^[0-9a-f-]{1,64}$")] = Field(
         description="whose monotonic clock it is: equal on one host since one boot"
     )
@@ -97,8 +99,8 @@ class CameraInfo(Message):
     schema_name: ClassVar[str] = "info"
     max_bytes: ClassVar[int] = 4096
 
-    stream: Name
-    epoch: Count
+    stream: Name = Field(description="camera name")
+    epoch: Count = Field(description="of the frames that it counts for")
     width: Dimension
     height: Dimension
     source_width: Dimension
@@ -108,8 +110,12 @@ class CameraInfo(Message):
     ]
     frame_count: Count | None = Field(default=None, description="frames a recording announces")
     source: Text = Field(description="what the frames come from, for people")
-    horizontal_fov_rad: Annotated[float, Field(strict=True, gt=0, lt=3.1416)] | None = None
-    mount_height_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None
+    horizontal_fov_rad: Annotated[float, Field(strict=True, gt=0, lt=3.1416)] | None = Field(
+        default=None, description="field of view of the whole picture; none: not known"
+    )
+    mount_height_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = Field(
+        default=None, description="camera above the ground; none: not known"
+    )
     mount_pitch_rad: Real | None = Field(default=None, description="down is positive")
 
 
@@ -119,10 +125,10 @@ class EndOfStream(Message):
     schema_name: ClassVar[str] = "end"
     max_bytes: ClassVar[int] = 4096
 
-    stream: Name
-    epoch: Count
+    stream: Name = Field(description="camera name")
+    epoch: Count = Field(description="that is over")
     frames: Count = Field(description="frames sent in this epoch")
-    reason: Text
+    reason: Text = Field(description="why, in words")
 
 
 class Progress(Message):
@@ -131,6 +137,6 @@ class Progress(Message):
     schema_name: ClassVar[str] = "progress"
     max_bytes: ClassVar[int] = 512
 
-    stream: Name
-    epoch: Count
-    seq: Count
+    stream: Name = Field(description="camera name")
+    epoch: Count = Field(description="of the frame")
+    seq: Count = Field(description="the newest frame that is done with")

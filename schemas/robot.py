@@ -21,10 +21,10 @@ class Odometry(Message):
     schema_name: ClassVar[str] = "odometry"
     max_bytes: ClassVar[int] = 1024
 
-    seq: Count
-    x_m: Real
-    y_m: Real
-    heading_rad: Heading
+    seq: Count = Field(description="goes up by one with each message")
+    x_m: Real = Field(description="since its start, ahead as it stood then; may drift, never jumps")
+    y_m: Real = Field(description="likewise, to the left as it stood then")
+    heading_rad: Heading = Field(description="since its start, left is positive")
     linear_mps: Real = Field(description="forward is positive")
     angular_radps: Real = Field(description="left is positive")
 
@@ -50,7 +50,9 @@ class RangeSector(Part):
     """The nearest thing within one sector around the robot."""
 
     bearing_rad: Heading = Field(description="centre of the sector")
-    width_rad: Annotated[float, Field(strict=True, gt=0, le=2 * math.pi)]
+    width_rad: Annotated[float, Field(strict=True, gt=0, le=2 * math.pi)] = Field(
+        description="of the sector"
+    )
     distance_m: Distance = Field(
         description="from the robot's centre; inf or the sensor's greatest range: nothing seen; "
         "-inf: too near to measure; nan: not measured"
@@ -63,8 +65,10 @@ class Ranges(Message):
     schema_name: ClassVar[str] = "ranges"
     max_bytes: ClassVar[int] = 65536
 
-    seq: Count
-    sectors: Annotated[tuple[RangeSector, ...], Field(max_length=MAX_SECTORS), FailFast()]
+    seq: Count = Field(description="goes up by one with each message")
+    sectors: Annotated[tuple[RangeSector, ...], Field(max_length=MAX_SECTORS), FailFast()] = Field(
+        description="what is measured now, in any order"
+    )
 
 
 class DriveState(Message):
@@ -73,13 +77,13 @@ class DriveState(Message):
     schema_name: ClassVar[str] = "drive"
     max_bytes: ClassVar[int] = 1024
 
-    seq: Count
+    seq: Count = Field(description="goes up by one with each message")
     state: Literal["waiting", "driving", "stopped"] = Field(
         description="waiting: no command yet; stopped: zero velocity for the reason given"
     )
-    reason: Annotated[str, Field(strict=True, max_length=96)]
-    estop: Flag
-    driver: Name
+    reason: Annotated[str, Field(strict=True, max_length=96)] = Field(description="why, in words")
+    estop: Flag = Field(description="whether an emergency stop holds")
+    driver: Name = Field(description="that turns the wheels")
     linear_mps: Real = Field(description="forward is positive")
     angular_radps: Real = Field(description="left is positive")
     command_seq: Count | None = Field(default=None, description="the command it rests on")

@@ -26,20 +26,22 @@ MAX_OBSTACLES = 256
 class Pose(Part):
     """A place and a direction in the world."""
 
-    x_m: Real
-    y_m: Real
-    heading_rad: Heading
+    x_m: Real = Field(description="in the axes of the world")
+    y_m: Real = Field(description="likewise")
+    heading_rad: Heading = Field(description="from the x axis, left is positive")
 
 
 class SimPerson(Part):
     """One person of the world."""
 
-    id: PersonId
-    role: Literal["target", "twin", "other"]
-    pose: Pose
-    speed_mps: NonNegative
-    height_m: NonNegative
-    radius_m: NonNegative
+    id: PersonId = Field(description="the same through the episode")
+    role: Literal["target", "twin", "other"] = Field(
+        description="the one to follow, one dressed alike, or any other"
+    )
+    pose: Pose = Field(description="where the person stands")
+    speed_mps: NonNegative = Field(description="of walking")
+    height_m: NonNegative = Field(description="of the person")
+    radius_m: NonNegative = Field(description="of the person as a disc")
     box_xyxy: BoxXyxy | None = Field(
         default=None, description="in the picture, unclipped and unoccluded; none: behind"
     )
@@ -51,9 +53,9 @@ class SimObstacle(Part):
 
     pose: Pose = Field(description="of its centre")
     length_m: NonNegative = Field(description="along its heading")
-    width_m: NonNegative
-    height_m: NonNegative
-    kind: Literal["wall", "pillar", "furniture"]
+    width_m: NonNegative = Field(description="across its heading")
+    height_m: NonNegative = Field(description="above the ground")
+    kind: Literal["wall", "pillar", "furniture"] = Field(description="what it is")
 
 
 class SimTruth(Message):
@@ -64,11 +66,13 @@ class SimTruth(Message):
 
     seq: Count = Field(description="that of the frame")
     t_s: NonNegative = Field(description="simulated time")
-    robot: Pose
-    robot_radius_m: NonNegative
-    linear_mps: Real
-    angular_radps: Real
-    people: Annotated[tuple[SimPerson, ...], Field(max_length=MAX_PEOPLE), FailFast()] = ()
+    robot: Pose = Field(description="where the robot is")
+    robot_radius_m: NonNegative = Field(description="of the robot as a disc")
+    linear_mps: Real = Field(description="true speed, forward is positive")
+    angular_radps: Real = Field(description="true turn rate, left is positive")
+    people: Annotated[tuple[SimPerson, ...], Field(max_length=MAX_PEOPLE), FailFast()] = Field(
+        default=(), description="everybody in the world"
+    )
     contact: Count = Field(default=0, description="contacts with people so far")
 
 
@@ -78,7 +82,9 @@ class SimWorld(Message):
     schema_name: ClassVar[str] = "sim-world"
     max_bytes: ClassVar[int] = 131072
 
-    scenario: Name
-    seed: Count
+    scenario: Name = Field(description="kind of episode")
+    seed: Count = Field(description="of the episode")
     bounds_m: tuple[Real, Real, Real, Real] = Field(description="least x, y, greatest x, y")
-    obstacles: Annotated[tuple[SimObstacle, ...], Field(max_length=MAX_OBSTACLES), FailFast()] = ()
+    obstacles: Annotated[tuple[SimObstacle, ...], Field(max_length=MAX_OBSTACLES), FailFast()] = (
+        Field(default=(), description="what stands in the world")
+    )

@@ -126,3 +126,9 @@ def test_the_window_of_a_lossless_run_is_the_codes() -> None:
     assert f"of at least `seq - {frames}`" in _TEXT
     overview = (DOCUMENT.parents[1] / "architecture.md").read_text(encoding="utf-8")
     assert f"up to\n*n - {frames}*" in overview
+
+
+def test_every_field_says_what_it_means() -> None:
+    rows = [row for table in tables().values() for row in table.splitlines()[2:]]
+    assert [row for row in rows if row.rstrip().endswith("|  |")] == []
+    assert len(rows) > 100
