@@ -362,7 +362,7 @@ class Follower:
         people, target_id, pose = self._people, self.target.track_id, self._motion.pose
         seen = self._name == "following"
         room = self._surroundings.room(
-            people, target_id, pose, now_s, self.state.angular_radps, seen
+            people, target_id, pose, now_s, self.state.linear_mps, self.state.angular_radps, seen
         )
         way = replace(pose, heading_rad=pose.heading_rad + goal.bearing_rad)
         sidestep_rad = self._surroundings.sidestep_rad(

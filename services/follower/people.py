@@ -24,7 +24,9 @@ _LEAVES_SHARE, _DOUBTFULLY_LEAVES_SHARE = 0.1, 0.02
 _NEARER, _NEARER_SHARE = 0.95, 0.1
 """Beyond what boxes vary: then the nearer place counts, as surely as if it were certain."""
 _HEIGHT_RESERVE_M = 0.25
-"""Somebody of 0.9 m, taken for an adult 1.5 m away, is 0.8 m away."""
+"""Kept from an adult on top, where the distance rests on the height alone; chosen by hand."""
+_LEAST_HEIGHT_M = 0.9
+"""A child who walks by itself; smaller ones are carried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,8 @@ class Person:
         certain: whether all that is seen fits somebody who stands there.
         by_height: whether their distance rests on the assumed height of people.
         reserve_m: by how much it may be less than told for that reason.
+        least_share: of the distance that is left if they are the smallest of people; 1 where it
+            does not rest on their height.
     """
 
     id: int
@@ -51,6 +55,7 @@ class Person:
     certain: bool
     by_height: bool
     reserve_m: float
+    least_share: float
 
     def velocity(self, pose: Pose, t_s: float) -> tuple[float, float]:
         """Over ground, in the axes of a robot at a pose.
@@ -77,6 +82,7 @@ class People:
 
     def __init__(self, person_height_m: float, horizontal_fov_rad: float) -> None:
         self._reader = PlaceReader(person_height_m, horizontal_fov_rad)
+        self._least_share = min(1.0, _LEAST_HEIGHT_M / person_height_m)
         self._known: dict[int, Person] = {}
         self._seen: dict[int, Person] = {}
         self._ranges: RangesInTime | None = None
@@ -164,6 +170,7 @@ class People:
         return Person(
             track_id, distance_m, place.bearing_rad, t_s, seen_at, made, box_scale, width,
             place.certain, place.by_height, _HEIGHT_RESERVE_M if unsure else 0.0,
+            self._least_share if unsure else 1.0,
         )  # fmt: skip
 
 

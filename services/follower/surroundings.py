@@ -11,6 +11,9 @@ from heel.services.follower.settings import FollowerSettings
 
 _TARGET_MARGIN_M = 0.25
 """Beyond personal space: the target is driven at all the time and stops without warning."""
+_CHILDS_SPACE_M = 0.8
+"""Kept from a child that is taken for an adult: 0.6 m are promised, the rest is for the delay of
+smoothed boxes."""
 _OTHERS_MARGIN_M = 0.2
 """Who crosses also comes nearer by themselves."""
 _PASSING_SPACE_M = 0.3
@@ -52,7 +55,7 @@ class Surroundings:
 
     def room(
         self, people: People, target_id: int | None, pose: Pose, now_s: float,
-        angular_radps: float, seen: bool,
+        linear_mps: float, angular_radps: float, seen: bool,
     ) -> Room:  # fmt: skip
         """How far the robot may go ahead and back.
 
@@ -61,6 +64,7 @@ class Surroundings:
             target_id: who of them is followed.
             pose: where the robot is now.
             now_s: the present.
+            linear_mps: how fast it drives.
             angular_radps: how it turns.
             seen: whether the target is. Out of sight they may stand nearer than they would by now:
                 whatever ranges show in their direction is kept from as they are.
@@ -76,6 +80,9 @@ class Surroundings:
             space_m = self._settings.personal_space_m + margin_m + person.reserve_m
             whose = _TARGETS_SPACE if is_target else _OTHERS_SPACE
             ways.append((room_before_person_m(place, velocity, space_m), whose))
+            if person.least_share < 1.0:
+                child = _as_child(place, velocity, person.least_share, linear_mps)
+                ways.append((room_before_person_m(*child, _CHILDS_SPACE_M), whose))
             if is_target and not seen:
                 nearer = self._something_towards(place)
                 ways.append((room_before_person_m(nearer, velocity, space_m), whose))
@@ -140,3 +147,18 @@ class Surroundings:
                 travel_m = max(x_m * speed_mps / closing_mps, 1.0)
                 push_rad -= math.copysign(lacking_m / travel_m, beside_m)
         return min(max(push_rad, -_GREATEST_SIDESTEP_RAD), _GREATEST_SIDESTEP_RAD)
+
+
+def _as_child(
+    place: tuple[float, float], velocity: tuple[float, float], share: float, linear_mps: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Place and velocity, in the robot's axes, of a person smaller and nearer than taken for.
+
+    What a camera sees is motion relative to the robot, which shrinks with the distance; the robot's
+    own does not.
+    """
+    x_mps, y_mps = velocity
+    return (
+        (share * place[0], share * place[1]),
+        (linear_mps + share * (x_mps - linear_mps), share * y_mps),
+    )

@@ -153,7 +153,8 @@ def test_who_is_out_of_sight_is_coasted_after_braked_for_searched_and_waited_for
     speed = drive(made).linear_mps
     gone = tracks(person(**{"track_id": 1, "height": FAR} | change), person(2, x=600))
     coasting = drive(made, 0.1, seen=gone)
-    assert (coasting.state, coasting.linear_mps) == ("occluded", speed)
+    assert coasting.state == "occluded"
+    assert 0.95 * speed < coasting.linear_mps <= speed, "no faster after a person out of sight"
     braking = drive(made, 0.5, seen=gone)
     assert braking.state == "occluded"
     assert 0 < braking.linear_mps < speed

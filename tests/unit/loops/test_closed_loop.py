@@ -23,8 +23,10 @@ from heel.services.drive.settings import DriveSettings
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
 from heel.services.loops.control_loop import CONTROL_NS, TRACKS_AGE_NS
+from heel.services.loops.scenarios.episode import load_stack, run_episode
 from heel.services.loops.scenarios.loop import ClosedLoop
-from heel.services.loops.scenarios.perception import SimulatedBoxes
+from heel.services.loops.scenarios.parallel import EpisodeTask
+from heel.services.loops.scenarios.perception import Senses, SimulatedBoxes
 from heel.services.simulator.scenarios import scenario
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World
@@ -175,3 +177,14 @@ def test_a_click_on_somebody_unseen_reaches_perception_and_the_next_one_chooses_
     (pointed,) = perception.points
     assert pointed.frame.t_capture_ns * 1e-9 == pytest.approx(1.0, abs=0.15)
     assert log.state[-1] == "following"
+
+
+@pytest.mark.parametrize("seed", [8001, 8004])
+def test_a_child_is_kept_from_by_a_robot_that_knows_neither_ranges_nor_its_camera(
+    seed: int,
+) -> None:
+    stack = replace(load_stack("simulated boxes", None), senses=Senses(False, False))
+    scores = run_episode(stack, EpisodeTask("child", seed)).scores
+    assert scores.habitat.collision == 0.0
+    assert scores.evt.success == 1.0
+    assert scores.driven_to_m >= 0.6
