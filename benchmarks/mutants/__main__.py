@@ -51,6 +51,10 @@ def main(
         str | None, typer.Option(help="mutants whose path and name contain this")
     ] = None,
     rooms: Annotated[str, typer.Option(help="services, comma separated")] = ",".join(ROOMS),
+    tests: Annotated[
+        str | None,
+        typer.Option(help="folders or files of tests, comma separated [default: tests/unit/ROOM]"),
+    ] = None,
     seconds: Annotated[
         float, typer.Option(help="longest tests of one mutant, unchanged; the rest is left out")
     ] = 60.0,
@@ -66,29 +70,32 @@ def main(
         drawn = sorted(random.Random(seed).sample(drawn, min(sample, len(drawn))))
     results: list[Result] = []
     for room in chosen:
-        results += _of_room(room, [one for one in drawn if one in every[room]], seconds)
+        among = [f"tests/unit/{room}"] if tests is None else tests.split(",")
+        results += _of_room(room, [one for one in drawn if one in every[room]], among, seconds)
     table = report(results, {room: len(found) for room, found in every.items()})
     publish(table, write, "mutants")
 
 
-def _of_room(room: str, drawn: Sequence[Mutant], seconds: float) -> list[Result]:
+def _of_room(
+    room: str, drawn: Sequence[Mutant], among: Sequence[str], seconds: float
+) -> list[Result]:
     if not drawn:
         return []
-    runner = Runner(REPOSITORY, [f"tests/unit/{room}"])
+    runner = Runner(REPOSITORY, among)
     users = Users(REPOSITORY, f"services/{room}")
     started_s = time.monotonic()
     coverage = runner.coverage(f"services/{room}", _COVERAGE_TIMEOUT_S)
     _tell(f"{room}: {len(coverage.functions)} tests in {time.monotonic() - started_s:.0f} s")
     results = []
     for number, mutant in enumerate(drawn, 1):
-        tests: list[str] = []
+        asked: list[str] = []
         taken_s = 0.0
         for test in coverage.tests_of(users.of(mutant.path, mutant.name)):
-            if taken_s + coverage.seconds[test] <= seconds or not tests:
-                tests.append(test)
+            if taken_s + coverage.seconds[test] <= seconds or not asked:
+                asked.append(test)
                 taken_s += coverage.seconds[test]
-        results.append(runner.outcome(mutant, tests, taken_s))
-        _tell(f"{number}/{len(drawn)} {mutant}: {results[-1].outcome} ({len(tests)} tests)")
+        results.append(runner.outcome(mutant, asked, taken_s))
+        _tell(f"{number}/{len(drawn)} {mutant}: {results[-1].outcome} ({len(asked)} tests)")
     return results
 
 

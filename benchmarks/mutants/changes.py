@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from benchmarks.mutants.constants import constants
 
@@ -40,13 +40,10 @@ def mutants(root: Path, folder: str) -> list[Mutant]:
     """
     found = []
     for path in sorted((root / folder).rglob("*.py")):
-        source = path.read_text(encoding="utf-8")
-        unchanged = ast.dump(ast.parse(source))
-        for name in dict.fromkeys(constant.name for constant in constants(source)):
-            for factor in ("halved", "doubled"):
-                mutant = Mutant(str(path.relative_to(root)), name, factor)
-                if ast.dump(changed(source, mutant)) != unchanged:
-                    found.append(mutant)
+        for constant in constants(path.read_text(encoding="utf-8")):
+            for factor in get_args(Factor):
+                if ast.dump(scaled(constant.value, factor)) != ast.dump(constant.value):
+                    found.append(Mutant(str(path.relative_to(root)), constant.name, factor))
     return found
 
 

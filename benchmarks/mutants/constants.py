@@ -21,7 +21,7 @@ class Constant:
     Attributes:
         name: as assigned, upper case.
         line: of the assignment, counted from 1.
-        value: the expression assigned.
+        value: the expression assigned; the part of it that is this name's.
         explained: a docstring follows, or a comment stands on its lines or above its block.
             Names that share one assignment (`A, B = 1, 2`) are not explained: one text cannot
             give the unit and reason of each. It can for an enumeration (`A, B = range(2)`).
@@ -54,13 +54,13 @@ def constants(source: str) -> list[Constant]:
         first, last = statement.lineno, statement.end_lineno or statement.lineno
         if first - 1 in above or first - 1 == covered_to:
             covered_to = last
-        names = list(_names(statement))
-        if not names or not _holds_number(statement.value):
+        named = list(_named(statement))
+        if not named or not _holds_number(statement.value):
             continue
         beside = covered_to == last or any(line in comments for line in range(first, last + 1))
-        one_meaning = len(names) == 1 or isinstance(statement.value, ast.Call)
+        one_meaning = len(named) == 1 or isinstance(statement.value, ast.Call)
         explained = one_meaning and (beside or _is_text(following))
-        found += [Constant(name, first, statement.value, explained) for name in names]
+        found += [Constant(name, first, value, explained) for name, value in named]
     return found
 
 
@@ -74,13 +74,18 @@ def _comment_lines(source: str) -> dict[int, bool]:
     }
 
 
-def _names(statement: ast.Assign | ast.AnnAssign) -> Iterator[str]:
+def _named(statement: ast.Assign | ast.AnnAssign) -> Iterator[tuple[str, ast.expr]]:
+    """Names that are assigned and the expression of each, as far as it stands there."""
+    assert statement.value is not None
     targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
     for target in targets:
-        parts = target.elts if isinstance(target, ast.Tuple | ast.List) else [target]
-        for part in parts:
-            if isinstance(part, ast.Name) and _NAME.fullmatch(part.id):
-                yield part.id
+        names = target.elts if isinstance(target, ast.Tuple | ast.List) else [target]
+        values = [statement.value] * len(names)
+        if len(names) > 1 and isinstance(statement.value, ast.Tuple | ast.List):
+            values = statement.value.elts
+        for name, value in zip(names, values, strict=False):
+            if isinstance(name, ast.Name) and _NAME.fullmatch(name.id):
+                yield name.id, value
 
 
 def _holds_number(node: ast.AST) -> bool:
