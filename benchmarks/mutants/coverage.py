@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import json
 import sys
 import threading
@@ -63,6 +64,7 @@ class Recorder:
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_setup(self, item: pytest.Item) -> Iterator[None]:
         """What fixtures run may be used by every test of the file."""
+        _empty_caches()
         with_setup = self._recorded()
         next(with_setup)
         try:
@@ -109,6 +111,14 @@ class Recorder:
         if not path.startswith(self._below):
             return None
         return str(Path(path).relative_to(self._root.resolve())), code.co_firstlineno
+
+
+def _empty_caches() -> None:
+    """Let every test run what an earlier one has left in a cache."""
+    for name in [one for one in sys.modules if one.partition(".")[0] == "heel"]:
+        for value in list(vars(sys.modules[name]).values()):
+            if isinstance(value, functools._lru_cache_wrapper):
+                value.cache_clear()
 
 
 class Users:
