@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from heel.services.geometry.silhouette import LEGS_TOGETHER, Outline
+
 FloatMap = NDArray[np.float32]
 
 STRIPS = 6
@@ -25,14 +27,12 @@ _ABOVE = 0.12
 _EDGE = 0.06
 """Softness of the sides, box widths."""
 
-# Half width of a walking person from head (0) to foot (1), averaged over the steps; box widths.
-_REACH_AT = (-0.03, 0.0, 0.04, 0.12, 0.20, 0.35, 0.50, 0.65, 0.80, 0.95, 1.0, 1.03)
-_REACH = (-0.2, 0.08, 0.17, 0.20, 0.36, 0.42, 0.40, 0.33, 0.30, 0.32, 0.25, -0.2)
+_OUTLINE = Outline(LEGS_TOGETHER, beyond=0.03, outside=-0.2)
 
 
 def reach(down: NDArray[np.float64]) -> NDArray[np.float64]:
     """Half width of the body at places from head (0) to foot (1), box widths; below 0: none."""
-    return np.asarray(np.interp(down, _REACH_AT, _REACH))
+    return _OUTLINE.half_width(down)
 
 
 @dataclass(frozen=True, eq=False)

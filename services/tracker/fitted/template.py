@@ -14,6 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from heel.services.geometry.silhouette import LEGS_OF_WALKERS, Outline
 from heel.services.tracker.fitted.arrays import FloatMap
 
 CLUTTER = 0.05
@@ -23,9 +24,8 @@ _COVER = 0.9
 _EDGE = 0.07
 """Softness of the sides, widths."""
 
-# Half width of a walking person from head (0) to foot (1), averaged over the steps; in widths.
-_REACH_AT = (-0.05, 0.0, 0.04, 0.12, 0.20, 0.35, 0.50, 0.65, 0.80, 0.95, 1.0, 1.05)
-_REACH = (0.0, 0.08, 0.17, 0.20, 0.36, 0.42, 0.40, 0.33, 0.36, 0.42, 0.30, 0.0)
+_OUTLINE = Outline(LEGS_OF_WALKERS, beyond=0.05, outside=0.0)
+# How far the body covers what is behind it, from head to foot: its ends are seen less surely.
 _FADE_AT = (-0.05, 0.0, 0.06, 0.94, 1.0, 1.05)
 _FADE = (0.05, 0.4, 1.0, 1.0, 0.6, 0.1)
 
@@ -64,7 +64,7 @@ def _build(height_half_px: int, ratio_fiftieths: int) -> Template:
     above, below = int(np.ceil(1.05 * height)), int(np.ceil(0.05 * height))
     rows = (np.arange(-above, below + 1) + height) / height
     columns = np.abs(np.arange(-half, half + 1)) / width
-    reach = np.interp(rows, _REACH_AT, _REACH)
+    reach = _OUTLINE.half_width(rows)
     fade = np.interp(rows, _FADE_AT, _FADE)
     sides = 1.0 / (1.0 + np.exp((columns[None, :] - reach[:, None]) / _EDGE))
     cover = _COVER * sides * fade[:, None]
