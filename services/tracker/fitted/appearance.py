@@ -7,6 +7,7 @@ import numpy as np
 
 from heel.schemas import Blobs
 from heel.schemas.blobs import FOREGROUND
+from heel.services.geometry.histograms import soft_counts
 from heel.services.tracker.fitted.arrays import Box, FloatMap, Image
 
 Look = FloatMap
@@ -59,12 +60,9 @@ def _histograms(lab: FloatMap) -> Look:
     scaled[:, 0] = lab[:, 0] * ((_BINS - 1) / 255.0)
     chroma = np.clip((lab[:, 1:] - 128.0) / _CHROMA_SPAN + 0.5, 0.0, 1.0)
     scaled[:, 1:] = chroma * (_BINS - 1)
-    low = np.minimum(scaled.astype(np.intp), _BINS - 2)
-    share = scaled - low
-    flat = (low + np.arange(3) * _BINS).ravel()
-    below = np.bincount(flat, (1.0 - share).ravel(), 3 * _BINS)
-    above = np.bincount(flat + 1, share.ravel(), 3 * _BINS)
-    return np.asarray((below + above) / len(lab), np.float32)
+    first = np.tile(np.arange(3) * _BINS, len(lab))
+    counts = soft_counts(3 * _BINS, first, [(scaled.ravel(), _BINS, 1)])
+    return np.asarray(counts / len(lab), np.float32)
 
 
 def distance(a: Look, b: Look) -> float:

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from heel.services.geometry.histograms import soft_counts
 from heel.services.tracker.given_boxes.geometry import FloatArray
 
 Patch = NDArray[np.uint8]
@@ -72,24 +73,13 @@ def _histograms(patches: list[Patch]) -> FloatArray:
     lab = cv2.cvtColor(pixels, cv2.COLOR_BGR2LAB).reshape(-1, 3).astype(np.float64)
     light = np.clip(lab[:, 0] / 32.0 - 0.5, 0, _LIGHTS - 1.001)
     a, b = np.clip((lab[:, 1:].T - 128) / 8.0 + 3.5, 0, _HUES - 1.001)
-    low_light, low_a, low_b = (value.astype(np.intp) for value in (light, a, b))
-    light, a, b = light - low_light, a - low_a, b - low_b
     count = len(patches)
     first = (np.arange(count)[:, None] * LOOK_LENGTH + _BAND_OFFSET).ravel()
     weight = np.tile(_WEIGHT, count)
-    at_light = first + low_light
-    at_hue = first + _LIGHTS + low_a * _HUES + low_b
-    shares = (
-        (at_light, 1 - light),
-        (at_light + 1, light),
-        (at_hue, (1 - a) * (1 - b)),
-        (at_hue + 1, (1 - a) * b),
-        (at_hue + _HUES, a * (1 - b)),
-        (at_hue + _HUES + 1, a * b),
-    )
-    total = np.zeros(count * LOOK_LENGTH)
-    for place, share in shares:
-        total += np.bincount(place, weight * share, len(total))
+    length = count * LOOK_LENGTH
+    total = soft_counts(length, first, [(light, _LIGHTS, 1)], weight)
+    hues = [(a, _HUES, _HUES), (b, _HUES, 1)]
+    total += soft_counts(length, first + _LIGHTS, hues, weight)
     bands = total.reshape(count, len(_BANDS), _PER_BAND)
     bands[:, :, :_LIGHTS] = bands[:, :, :_LIGHTS] @ _BLUR
     looks = bands.reshape(count, LOOK_LENGTH)
