@@ -1,4 +1,4 @@
-"""Whose word about the camera holds: where people stand rests on its field of view."""
+"""Which description of the camera holds: where people stand rests on its field of view."""
 
 from __future__ import annotations
 
@@ -8,13 +8,21 @@ from collections import OrderedDict
 from heel.schemas import CameraInfo
 
 _KEPT = 8
+"""Starts of the camera whose descriptions are remembered; chosen by hand."""
 _FOV_TOLERANCE_RAD = 1e-3
+"""Radians by which two statements of one field of view may differ: rounding."""
 _MOUNT_TOLERANCE = 1e-3
 """Metres or radians: what is told twice is told by the same numbers."""
-_LEAST_FOV_RAD, _GREATEST_FOV_RAD = math.radians(2), math.radians(175)
-"""A telephoto lens of 1 m focal length sees 2 degrees; the pinhole model ends before 180."""
-_LEAST_MOUNT_M, _GREATEST_MOUNT_M = 0.02, 30.0
+_LEAST_FOV_RAD = math.radians(2)
+"""A telephoto lens of 1 m focal length sees 2 degrees."""
+_GREATEST_FOV_RAD = math.radians(175)
+"""The pinhole model ends before 180 degrees."""
+_LEAST_MOUNT_M = 0.02
+"""Metres above the floor: lower no lens has room."""
+_GREATEST_MOUNT_M = 30.0
+"""Metres above the floor: a camera of a whole square; no robot's. Chosen by hand."""
 _GREATEST_PITCH_RAD = math.radians(85)
+"""Nearer to straight down or up no horizon can be computed."""
 
 
 def implausible(info: CameraInfo) -> str:
@@ -35,11 +43,11 @@ class CameraInfos:
     """Keeps one description for each start of the camera: the first one.
 
     A lens does not change while a camera runs, so another description of the same start is
-    somebody else's. Before frames of a start are in use nobody can tell which is true: then the
-    one counts by which everybody is nearest.
+    another sender's. Before frames of a start are in use it cannot be told which is true: then
+    the one counts by which people are nearest.
 
     Args:
-        camera: whose descriptions are wanted.
+        camera: name of the camera that descriptions are wanted of.
     """
 
     def __init__(self, camera: str) -> None:
@@ -65,7 +73,7 @@ class CameraInfos:
         return f"two descriptions: {_shown(known)} and {_shown(info)}; {used} is used"
 
     def of(self, epoch: int) -> CameraInfo | None:
-        """What is known of the camera whose frames are in use from now on."""
+        """What is known of the camera that frames in use come from, from now on."""
         self._epoch = epoch
         return self._infos.get(epoch)
 

@@ -1,4 +1,4 @@
-"""Who is meant: the nearest, the one at a point, the one who stands before the robot."""
+"""Which person is meant: the nearest, the one at a point, the one that stands before the robot."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _TWO_PEOPLE = 0.5
 
 
 def seen_well(tracks: Tracks) -> list[Track]:
-    """Those who are confirmed and seen in this frame."""
+    """The tracks that are confirmed and seen in this frame."""
     return [track for track in tracks.tracks if track.shown and track.state == "tracked"]
 
 
 def nearest(tracks: Tracks) -> Track | None:
-    """The person who appears largest, among those who are seen well now."""
+    """The person that appears largest, of those seen well now."""
     return max(
         seen_well(tracks),
         key=lambda track: (track.box_xyxy[3] - track.box_xyxy[1], -track.id),
@@ -28,7 +28,7 @@ def nearest(tracks: Tracks) -> Track | None:
 
 
 def at_point(tracks: Tracks, x_px: float, y_px: float) -> Track | None:
-    """The shown person whose box holds the point; of several, the one whose centre is nearest."""
+    """The shown person whose box holds the point; of several, the one with the nearest centre."""
 
     def off_centre(track: Track) -> float:
         left, top, right, bottom = track.box_xyxy
@@ -45,7 +45,7 @@ def at_point(tracks: Tracks, x_px: float, y_px: float) -> Track | None:
 
 
 def companion(chosen: Track, tracks: Tracks) -> Track | None:
-    """Who else the box of somebody stands on: the pixels under it then name neither of them."""
+    """Another person that the box stands on: the pixels under it then name neither of them."""
     for other in tracks.tracks:
         if other.id == chosen.id or other.state not in ("tracked", "occluded"):
             continue
@@ -67,7 +67,7 @@ class Imprinting:
 
     @property
     def candidate(self) -> int | None:
-        """Who stands there now."""
+        """The person that stands there now."""
         return self._candidate
 
     def reset(self) -> None:
@@ -75,9 +75,9 @@ class Imprinting:
         self._candidate = None
 
     def update(self, people: Iterable[Person], now_s: float) -> int | None:
-        """Take a frame's people; returns who has stood there long enough.
+        """Take a frame's people; returns the one that has stood there long enough.
 
-        Two who stand there at once are one too many: which of them is meant is not guessed.
+        Two that stand there at once are one too many: which of them is meant is not guessed.
         """
         before = [
             person.id

@@ -14,11 +14,13 @@ from heel.schemas.robot import MAX_RANGE_M
 BODY_M = 0.2
 """From the front of a person's body to its middle."""
 _LOOK_AHEAD_S = (0.25, 0.5, 0.75, 1.0)
+"""Seconds ahead at which a walking person is looked for; chosen by hand."""
 _BESIDE_RAD = math.pi / 3
+"""Bearing from which a thing is beside the robot and not ahead of it; chosen by hand."""
 _BETWEEN_RAD = 0.1
 """A beam that fails between two that see, so near to both, shows what the nearer of them shows."""
 _PEOPLE_STOP_MPS2 = 3.0
-"""How hard somebody who walks can brake."""
+"""How hard a walking person can brake."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,7 @@ class Sectors:
     """Ranges as arrays: they are asked about several directions fifty times a second.
 
     Infinite ones are free as far as any sensor reaches, minus infinity is 0 m. What was not
-    measured (NaN) is unknown, and nobody drives there.
+    measured (NaN) is unknown, and the robot does not drive there.
     """
 
     def __init__(self, ranges: Ranges) -> None:
@@ -121,10 +123,10 @@ def _interpolated(table: NDArray[np.float64]) -> NDArray[np.float64]:
 def room_before_person_m(
     place: tuple[float, float], velocity: tuple[float, float], space_m: float
 ) -> float:
-    """How far the robot may go straight ahead before somebody is nearer than `space_m`.
+    """How far the robot may go straight ahead before a person is nearer than `space_m`.
 
     The person is taken to stop as hard as people can or to walk on for up to a second, whichever
-    is worse. Somebody within that space counts only while the robot heads at them.
+    is worse. A person within that space counts only while the robot heads there.
 
     Args:
         place: of the person, metres ahead and to the left.
@@ -132,7 +134,7 @@ def room_before_person_m(
         space_m: that is to be kept from the robot's centre.
 
     Returns:
-        Infinite for somebody who is behind or aside, at least 0.
+        Infinite for a person that is behind or aside, at least 0.
     """
     room_m = math.inf
     stops_within_s = math.hypot(*velocity) / (2 * _PEOPLE_STOP_MPS2)

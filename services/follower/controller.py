@@ -15,16 +15,17 @@ _BRAKING_SHARE = 0.7
 _STANDING_MPS = 0.15
 """Slower people stand, as far as their estimate can tell."""
 _SMOOTHED_S = 0.1
-"""Trackers smooth boxes: who stops dead is seen to do so later by that."""
+"""Seconds by which a person that stops dead is seen to do so later: trackers smooth boxes."""
 _DISTANCE_DEADBAND_M = 0.1
 """Error of the distance that is left alone: people sway by so much where they stand."""
 _BEARING_DEADBAND_RAD = 0.03
 """Error of the bearing that is left alone: boxes scatter by so much."""
 _NEAR_M = 0.5
+"""Metres; nearer people are reckoned with at this distance, so that rates stay finite."""
 _TOO_NEAR_M = 0.2
-"""Nearer than wished by so much, nobody is followed on."""
+"""Metres: nearer than wished by so much, the robot does not follow on. Chosen by hand."""
 _AS_WISHED_MPS = 0.05
-"""Speeds that differ by less are the same for whoever is told why."""
+"""Speeds that differ by less are the same in a reason that a user reads."""
 _TURNS_FIRST = 0.75
 """Share of the speed that is left by the bearing, below which turning is what holds it up."""
 
@@ -56,7 +57,7 @@ class VelocityController:
     """Proportional law with feed-forward, deadbands and limits.
 
     Forward: `gain * (distance - wished) + speed of the person along the line of sight`, so that
-    somebody who walks steadily is followed without lagging behind. It falls with the bearing, so
+    a person that walks steadily is followed without lagging behind. It falls with the bearing, so
     that the robot turns first. Turning likewise. A stop is immediate: the limits on acceleration
     and jerk shape motion, they never prolong it.
     """
@@ -99,7 +100,7 @@ class VelocityController:
             room: how far the robot may go ahead and back.
             sidestep_rad: by how much to head beside the person.
             dt_s: since the last command.
-            seen: whether the person is; after somebody who is not the robot goes no faster.
+            seen: whether the person is seen; after one that is not the robot goes no faster.
         """
         wished, why = self._wished_linear(goal)
         if not seen and wished > max(self.linear_mps, 0.0):
@@ -135,7 +136,7 @@ class VelocityController:
         away_mps = (
             goal.place[0] * goal.velocity[0] + goal.place[1] * goal.velocity[1]
         ) / max(distance_m, _NEAR_M)  # fmt: skip
-        # Nobody is hurried after from too near: how fast they walk is least sure there.
+        # The robot does not hurry after a person from too near: walking speed is least sure there.
         share = min(max(1.0 - (s.distance_m - distance_m) / _TOO_NEAR_M, 0.0), 1.0)
         ahead_mps = share * _faded_in(away_mps, _STANDING_MPS)
         wished = s.linear_gain_per_s * error_m + min(ahead_mps, away_mps)

@@ -42,6 +42,7 @@ from heel.services.follower.surroundings import Surroundings
 from heel.services.follower.target import TargetChoice
 
 _MAX_STEP_S = 0.2
+"""Seconds that one step of the controller spans at most, however late it comes; chosen by hand."""
 _SEARCH_SWEEP_RAD = 0.6
 """The search looks so far to either side of where the person should be; chosen by hand."""
 
@@ -51,7 +52,7 @@ class Follower:
 
     Call `observe` for every tracks message, `observe_ranges` and `observe_odometry` where there
     are any, and `step` at a fixed rate. It never changes to another person by itself: a target
-    that is gone stays chosen until somebody chooses anew.
+    that is gone stays chosen until another one is chosen.
     """
 
     def __init__(self, settings: FollowerSettings) -> None:
@@ -104,7 +105,7 @@ class Follower:
             sensor: that it came from.
             reason: in words.
             now_s: time of arrival, on the clock of `step`.
-            known: whether it says who sent it, and is newer than all before.
+            known: whether it names its sender, and is newer than all before.
         """
         self._sensors.refused(sensor, reason, now_s, known)
 
@@ -161,7 +162,7 @@ class Follower:
     def choose(self, request: TargetRequest) -> Target:
         """Choose or clear the target.
 
-        A point at which nobody is tracked stays pending: whoever comes to be tracked there within
+        A point without a track stays pending: a person that comes to be tracked there within
         some seconds is chosen, and until then the target has no id.
 
         Raises:
@@ -180,10 +181,10 @@ class Follower:
         return self._choice.kept
 
     def restore(self, kept: KeptTarget) -> None:
-        """Before the first tracks: go on with whom the follower before this one followed.
+        """Before the first tracks: go on with the person that the follower before followed.
 
         It counts if they are the same tracker's, of the same pictures; and the robot moves only
-        after making sure, as with anybody who is chosen.
+        after making sure, as with every person that is chosen.
         """
         self._choice.restore(kept)
 
@@ -194,7 +195,7 @@ class Follower:
 
     @property
     def swings(self) -> str | None:
-        """That the robot has been turning to and fro before somebody, and what helps; else None."""
+        """That the robot has been turning to and fro before a person, and what helps; else None."""
         if not self._controller.swings:
             return None
         return (
@@ -204,7 +205,7 @@ class Follower:
 
     @property
     def pointed(self) -> Pointed | None:
-        """What the detector is told: somebody may be where a user pointed. None without a point."""
+        """What the detector is told: a person may be where a user pointed. None without a point."""
         tracks, pending = self._tracks, self._choice.pending
         if tracks is None or pending is None:
             return None
@@ -256,7 +257,7 @@ class Follower:
         )  # fmt: skip
 
     def _begin(self) -> None:
-        """Somebody else or nobody: what was known of the old one's sight means nothing."""
+        """Another person or none: what was known of the old one's sight means nothing."""
         self._forget_sight()
         self._picture.restart()
         self._name = "idle"

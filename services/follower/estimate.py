@@ -9,18 +9,23 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 _WALK_MPS = 1.0
+"""Standard deviation of a first velocity, m/s: people walk."""
 _ACCELERATION_MPS2 = 2.5
 """People start and stop at about that."""
 _LONGEST_S = 1.0
+"""Seconds that a place is predicted ahead at most; chosen by hand."""
 _GATE = 25.0
+"""Squared standard deviations from which a measurement starts the filter anew: five of them."""
 _FASTEST_MPS = 2.5
+"""Metres per second that a person to follow walks at most: a jog. Chosen by hand."""
 _OBSERVED = np.eye(2, 4)
+"""The place is measured, the velocity is not."""
 
 
 class PlaceFilter:
     """Kalman filter of constant velocity in the plane.
 
-    A measurement five standard deviations off starts it anew: to believe a person who is suddenly
+    A measurement five standard deviations off starts it anew: to believe that a person is suddenly
     near is safer than to smooth it over.
     """
 
@@ -36,7 +41,7 @@ class PlaceFilter:
 
     @property
     def velocity(self) -> tuple[float, float]:
-        """Metres per second, no faster than people who can be followed."""
+        """Metres per second, no faster than people that can be followed."""
         vx, vy = float(self._state[2]), float(self._state[3])
         scale = min(1.0, _FASTEST_MPS / max(math.hypot(vx, vy), 1e-9))
         return scale * vx, scale * vy
@@ -55,7 +60,7 @@ class PlaceFilter:
         self._covariance = kept @ self._covariance @ kept.T + gain @ covariance @ gain.T
 
     def place_at(self, t_s: float) -> tuple[float, float]:
-        """Where the person is expected; nobody is expected to walk on unseen for long."""
+        """Where the person is expected; people are not expected to walk on unseen for long."""
         dt_s = min(max(0.0, t_s - self.t_s), _LONGEST_S)
         vx, vy = self.velocity
         return float(self._state[0]) + vx * dt_s, float(self._state[1]) + vy * dt_s

@@ -20,7 +20,7 @@ class FrameTimes:
     younger than what its producers report.
 
     Args:
-        clock: whose monotonic clock this process reads.
+        clock: name of the monotonic clock that this process reads.
     """
 
     def __init__(self, clock: str) -> None:
@@ -43,7 +43,7 @@ class FrameTimes:
         if taken.epoch != self._epoch:
             self._epoch, self._seqs, self._times_s = taken.epoch, [], []
         while self._seqs and self._seqs[-1] >= taken.seq:
-            # Told of frames that are yet to come: that was somebody else.
+            # Told of frames that are yet to come: that was another sender.
             self._seqs.pop()
             self._times_s.pop()
         self._heard_s = arrived_s

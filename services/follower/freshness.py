@@ -10,6 +10,7 @@ from statistics import mean, median
 _FRAMES = 12
 """So many are looked back at for the rate, at least three: half a second of an ordinary camera."""
 _LEAST_FRAMES = 3
+"""Frames: two intervals are the fewest that a rate can be told from."""
 _CALM_S = 5.0
 """Staleness that comes again within this is the same trouble; chosen by hand."""
 _LONGEST_WAIT_S = 1.0
@@ -19,7 +20,7 @@ _TOLD_ANEW_S = 2.0
 _SHORTEST_S = 1 / 30
 """What comes so late that more than 30 frames/s would be needed is late, not rare."""
 _SILENT_INTERVALS = 3.0
-"""After so many intervals without a frame it is not the rate: nobody sends any more."""
+"""After so many intervals without a frame it is not the rate: nothing is sent any more."""
 
 
 class Freshness:

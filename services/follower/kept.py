@@ -12,17 +12,19 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from heel.schemas import Target
 
 _KEPT_S = 10.0
-"""A follower that comes later than this after the last word of the one before asks anew: nobody
-expects the robot to set off by itself then. Chosen by hand; starting takes 1 to 3 s."""
+"""A follower that comes later than this after the last word of the one before asks anew: a
+robot is not expected to set off by itself then. Chosen by hand; starting takes 1 to 3 s."""
 _RENEWED_S = 1.0
+"""Seconds between two renewals of an unchanged note; a tenth of `_KEPT_S`."""
 _MAX_BYTES = 4096
+"""Of the note; it takes some hundred bytes."""
 
 Scene = tuple[str, int, int, int]
-"""Stream, epoch, width and height: in other pictures the same id is somebody else."""
+"""Stream, epoch, width and height: in other pictures the same id is another person."""
 
 
 class KeptTarget(BaseModel):
-    """Who is chosen, among whose ids, in which pictures."""
+    """The person chosen, the tracker that gave the id, and the pictures."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -31,7 +33,7 @@ class KeptTarget(BaseModel):
 
 
 class TargetFile:
-    """The note in the run folder; whoever cannot write it goes on without.
+    """The note in the run folder; a follower that cannot write it goes on without.
 
     Args:
         file: where it lies.
@@ -60,7 +62,7 @@ class TargetFile:
             return None
 
     def save(self, kept: KeptTarget | None) -> None:
-        """Write down who is chosen now, or that nobody is."""
+        """Write down which person is chosen now, or that none is."""
         try:
             if kept is None:
                 self._file.unlink(missing_ok=True)

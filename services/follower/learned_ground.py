@@ -1,9 +1,9 @@
-"""Where feet are seen by a camera whose mounting nobody stated, learned from people who stand.
+"""Where feet are seen by a camera of unstated mounting, learned from people that stand.
 
-Whoever bends down looks as if they went away, but their feet stay where they were. Of a box that
+A person that bends down looks as if walking away, but the feet stay where they were. Of a box that
 is seen whole, the height tells a distance, and the lower edge then tells one point of the camera's
 `GroundLine`; from several it is estimated by a Kalman filter of its two numbers. A box whose
-height does not fit the line is that of somebody who does not stand upright, and teaches nothing.
+height does not fit the line is of a person that does not stand upright, and teaches nothing.
 """
 
 from __future__ import annotations
@@ -12,17 +12,26 @@ import numpy as np
 
 from heel.services.geometry.ground_line import GroundLine
 
-_FALL_M, _FALL_SIGMA_M, _OFFSET_SIGMA = 0.8, 0.5, 0.2
-"""Robots carry cameras at 0.3 to 1.5 m, pitched by up to 20 degrees: chosen by hand."""
+_FALL_M = 0.8
+"""Height of the camera before anything is learned, metres: robots carry it at 0.3 to 1.5 m."""
+_FALL_SIGMA_M = 0.5
+"""Standard deviation of that, metres; chosen by hand."""
+_OFFSET_SIGMA = 0.2
+"""Standard deviation of the horizon's place: a pitch of up to 20 degrees. Chosen by hand."""
 _LEAST_FALL_M = 0.1
+"""Metres: no camera that sees people's feet is lower."""
 _HEIGHT_SHARE = 0.06
 """Heights of adults differ by that."""
 _FORGET_S = 60.0
+"""Seconds in which what was learned gets unsure again: a camera may be tilted. Chosen by hand."""
 _ENOUGH = 5
+"""Independent boxes from which the line is used; chosen by hand."""
 _ALIKE_S = 1.0
 """Boxes of the same person are off by the same for about as long: they count once."""
 _FRAME_S = 0.05
+"""Seconds between two frames, where unknown, and the least that counts: 20 frames/s."""
 _AGREE_SHARE = 0.12
+"""Share of the fall by which a box may differ and still be of an upright person; chosen by hand."""
 
 
 class LearnedGround:

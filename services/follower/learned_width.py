@@ -1,7 +1,7 @@
-"""How wide somebody is, learned while what is seen of them tells their distance.
+"""How wide a person is, learned while what is seen of the person tells the distance.
 
-The width of a box says little of a stranger's distance, who may be a child or carry a ladder. Of
-somebody whose width is known it goes on telling when a table hides the feet, when the head goes
+The width of a box says little of a stranger's distance: it may be a child, or have a ladder along.
+Of a person of known width it goes on telling when a table hides the feet, when the head goes
 down, and when the picture's border cuts off both.
 """
 
@@ -9,10 +9,14 @@ from __future__ import annotations
 
 import math
 
-_MEMORY_S, _LONG_MEMORY_S = 4.0, 10.0
-"""Some strides, which widen a box seen from the side; and longer than it takes to sit down."""
+_MEMORY_S = 4.0
+"""Seconds: some strides, which widen a box seen from the side."""
+_LONG_MEMORY_S = 10.0
+"""Seconds: longer than it takes to sit down."""
 _WIDEST_M = 1.0
+"""Metres; wider than that is no one person. Chosen by hand."""
 _ENOUGH_S = 0.3
+"""Seconds of certain sight from which the width is used; chosen by hand."""
 
 
 class LearnedWidth:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 _NEGLIGIBLE = 1e-9
+"""Difference of speeds that is rounding, m/s or rad/s."""
 _RATE_PER_S = 10.0
 """Of the filter: a small change of the wish is followed within 0.2 s."""
 

@@ -1,7 +1,7 @@
 """Whether the picture moves as it has to while the robot does: one that stands still is frozen.
 
 A frozen sensor, a hung encoder or a relay that repeats its last picture with a running clock in it
-looks like somebody who walks ahead exactly as fast as the robot drives, for ever.
+looks like a person that walks ahead exactly as fast as the robot drives, for ever.
 """
 
 from __future__ import annotations
@@ -15,21 +15,33 @@ from heel.schemas import CameraMotion, Track, Tracks
 from heel.schemas.base import BoxXyxy
 from heel.services.follower.own_motion import Pose
 
-_BOX_PX, _NOISY_SHARE, _CLEAN_SHARE = 2.0, 0.04, 0.01
-"""A box whose edges move by less, of its height, has not moved; noise of a frozen picture moves
-them by more than bare repetition does."""
+_BOX_PX = 2.0
+"""Pixels; a box with edges that move by less has not moved."""
+_NOISY_SHARE = 0.04
+"""The same as a share of the box's height, where a frozen picture still has noise."""
+_CLEAN_SHARE = 0.01
+"""The same share where a frozen picture is repeated as it is."""
 _STILL_PX = 2.0
 """Drift of the picture's corners that is noise; half a metre at walls 20 m off makes 10 px."""
 _ALL_AGREE = 0.85
 """Share of corners that agree in a picture that stands still, noise and all. A robot that drives
 straight on sees those far away stand still as well, but not those of the floor: 0.4 to 0.75."""
 _DRIFT_S = 1.0
+"""Seconds in which the drift of corners falls to 1/e; chosen by hand."""
 _LEAST_S = 0.6
-"""Nobody stands still in the picture of a moving robot for so long, but may by chance for less."""
+"""Seconds: in the picture of a moving robot no person stands still for so long, but for less by
+chance."""
 _LONGEST_S = 2.5
 """What the robot did before that is another matter."""
-_DRIVEN_M, _TURNED_RAD = 0.5, 0.12
-_UNEVEN_M, _UNEVEN_RAD = 0.06, 0.08
+_DRIVEN_M = 0.5
+"""Metres driven after which a picture must have moved; chosen by hand."""
+_TURNED_RAD = 0.12
+"""Radians turned after which a picture must have moved; chosen by hand."""
+_UNEVEN_M = 0.06
+"""Metres by which a drive differs from an even one, from which a person cannot keep pace by chance;
+chosen by hand."""
+_UNEVEN_RAD = 0.08
+"""The same of a turn, radians; chosen by hand."""
 _TIMES_NOISE = 3.0
 """A motion counts if it would change the box by so many times what counts as no change."""
 _CUT_SHARE = 0.9
@@ -76,7 +88,7 @@ class _Stillness:
 
     @property
     def noise(self) -> float:
-        """Share of the distance by which somebody may have moved unseen."""
+        """Share of the distance by which a person may have moved unseen."""
         if self._box is None:
             return math.inf
         return max(self._share, _BOX_PX / max(self._box[3] - self._box[1], 1.0))
@@ -101,8 +113,8 @@ class PictureWatch:
     """Compares the robot's motion with the chosen person's box and the camera's motion.
 
     Where tracks tell the camera's motion, a picture that stands still while the robot drives or
-    turns, with a box that does too, is frozen. Where they do not, somebody may walk ahead as fast
-    as the robot drives; but nobody speeds up, stops and turns at the very moments when the robot
+    turns, with a box that does too, is frozen. Where they do not, a person may walk ahead as fast
+    as the robot drives; but no person speeds up, stops and turns at the very moments when the robot
     does, which is later than they do. So then only uneven motion of the robot is evidence.
     """
 
@@ -116,7 +128,7 @@ class PictureWatch:
         self._t_capture_ns = -1
 
     def restart(self) -> None:
-        """Another picture, or somebody else is chosen."""
+        """Another picture, or another person is chosen."""
         self.frozen = False
         self._noisy.end()
         self._clean.end()
@@ -131,7 +143,7 @@ class PictureWatch:
         Args:
             tracks: what was seen; one that was taken no later than that before says nothing.
             t_s: when it was taken, on the clock of the pose.
-            target: who is followed, None if not seen in this frame.
+            target: the person followed, None if not seen in this frame.
             distance_m: how far they are.
             pose: of the robot then.
         """

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from heel.schemas import Odometry
 
 _HISTORY_S = 2.0
+"""Seconds of own motion that are remembered: more than tracks may be old."""
 _LONGEST_STEP_S = 0.5
 """Commands expire: a robot that was not told anything for longer stands still."""
 

@@ -1,4 +1,4 @@
-"""A point that a user pointed at and at which nobody is tracked yet."""
+"""A point that a user pointed at and that has no track yet."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from heel.schemas import Track, Tracks
 from heel.services.follower.choosing import at_point
 
 PENDING_S = 5.0
-"""How long somebody is looked for. Chosen by hand: detectors need half a second or two, and after
+"""How long a person is looked for. Chosen by hand: detectors need half a second or two, and after
 more than that a user has forgotten where they clicked."""
 _WALK_HEIGHTS_PER_S = 0.6
-"""Somebody who walks at 1 m/s, in their own heights: so far they may have left the point."""
+"""A person that walks at 1 m/s, in own heights: so far from the point it may be."""
 _WALK_S = 0.5
-"""And no longer: whoever appears far from the point is somebody else."""
+"""And no longer: a person that appears far from the point is another one."""
 _OUT_OF_REACH = 3.0
 """Frame sizes off the picture, from where no point is carried back."""
 
@@ -21,7 +21,7 @@ _OUT_OF_REACH = 3.0
 class PendingPoint:
     """Goes along with what was pointed at until a track covers it, or for too long.
 
-    Who was tracked elsewhere when the user pointed is not who was meant, wherever they walk.
+    A person tracked elsewhere when the user pointed is not the one meant, wherever it walks.
 
     Attributes:
         place_px: where it is in the newest frame.
@@ -31,7 +31,7 @@ class PendingPoint:
         """Look at a point of the newest frame.
 
         Args:
-            x_px, y_px: where nobody is tracked.
+            x_px, y_px: where there is no track.
             tracks: of that frame.
             now_s: when it was pointed at.
         """
@@ -41,7 +41,7 @@ class PendingPoint:
         self._seq = tracks.seq
 
     def for_s(self, now_s: float) -> float:
-        """For how much longer somebody is looked for, at least 0."""
+        """For how much longer a person is looked for, at least 0."""
         return max(0.0, self._since_s + PENDING_S - now_s)
 
     def carry(self, tracks: Tracks, turned_rad: float, focal_px: float) -> None:
@@ -68,7 +68,7 @@ class PendingPoint:
         self.place_px = min(max(x, -reach_x), reach_x), min(max(y, -reach_y), reach_y)
 
     def found(self, tracks: Tracks, t_s: float) -> Track | None:
-        """Who has come to be tracked there: at the point itself, or alone within a step of it.
+        """The person that has come to be tracked there: at the point, or alone within a step of it.
 
         Args:
             tracks: the newest frame.

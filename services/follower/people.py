@@ -1,4 +1,4 @@
-"""Everybody in sight, where they are and how they walk, in a plane that does not move."""
+"""The people in sight, where they are and how they walk, in a plane that does not move."""
 
 from __future__ import annotations
 
@@ -17,16 +17,23 @@ from heel.services.follower.people_ranges import RangesInTime
 from heel.services.follower.place import Place, PlaceReader
 
 _LEAST_BOX_PX = 1.0
+"""Pixels; a thinner box has no direction."""
 _FORGOTTEN_AFTER_S = 0.6
-_LEAVES_MPS, _DOUBTFULLY_LEAVES_MPS = 2.0, 0.5
-_LEAVES_SHARE, _DOUBTFULLY_LEAVES_SHARE = 0.1, 0.02
-"""Nobody is suddenly farther away: they walk there, and a box is that much wrong."""
-_NEARER, _NEARER_SHARE = 0.95, 0.1
-"""Beyond what boxes vary: then the nearer place counts, as surely as if it were certain."""
+"""Seconds unseen after which a person other than the target is forgotten; chosen by hand."""
+# No person is suddenly farther away: people walk there, and a box is only so much wrong.
+_LEAVES_MPS = 2.0  # metres per second; chosen by hand
+_DOUBTFULLY_LEAVES_MPS = 0.5  # the same where the place is not certain; chosen by hand
+_LEAVES_SHARE = 0.1  # of the distance, once; chosen by hand
+_DOUBTFULLY_LEAVES_SHARE = 0.02  # the same where the place is not certain; chosen by hand
+_NEARER = 0.95
+"""Share of the old distance, beyond what boxes vary: below it the nearer place counts, as surely as
+if it were certain."""
+_NEARER_SHARE = 0.1
+"""Standard deviation of such a place as a share of its distance; chosen by hand."""
 _HEIGHT_RESERVE_M = 0.25
-"""Kept from an adult on top, where the distance rests on the height alone; chosen by hand."""
+"""Metres kept from an adult on top, where the distance rests on the height alone; chosen by hand."""
 _LEAST_HEIGHT_M = 0.9
-"""A child who walks by itself; smaller ones are carried."""
+"""Metres: a child that walks by itself; smaller ones are carried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +44,7 @@ class Person:
         distance_m, bearing_rad: from the camera when the picture was taken.
         seen_s: when that was.
         place: where the camera saw them, in the plane of `filter`, which smooths it.
-        certain: whether all that is seen fits somebody who stands there.
+        certain: whether all that is seen fits a person that stands there.
         by_height: whether their distance rests on the assumed height of people.
         reserve_m: by how much it may be less than told for that reason.
         least_share: of the distance that is left if they are the smallest of people; 1 where it
@@ -61,7 +68,7 @@ class Person:
         """Over ground, in the axes of a robot at a pose.
 
         Nothing of it leads away from a robot that is not certain where they are: a box that shrinks
-        may be that of somebody who bends down.
+        may be that of a person that bends down.
         """
         velocity = pose.turned(*self.filter.velocity)
         place = pose.seen(*self.filter.place_at(t_s))
@@ -76,7 +83,7 @@ class People:
     """Turns tracks into places.
 
     Args:
-        person_height_m: assumed of everybody.
+        person_height_m: assumed of every person.
         horizontal_fov_rad: where the camera does not state its own.
     """
 
@@ -92,7 +99,7 @@ class People:
         self._reader.set_camera(info)
 
     def clear(self) -> None:
-        """Forget everybody: another tracker, other ids."""
+        """Forget all: another tracker, other ids."""
         self._known, self._seen = {}, {}
 
     @property
@@ -102,7 +109,7 @@ class People:
 
     @property
     def known(self) -> dict[int, Person]:
-        """Those seen well within the last moments, and the one who is kept."""
+        """Those seen well within the last moments, and the one that is kept."""
         return self._known
 
     @property
@@ -121,7 +128,7 @@ class People:
             tracks: the frame's people.
             t_s: when the picture was taken.
             motion: where the robot was then.
-            keep: who is never forgotten.
+            keep: the person that is never forgotten.
         """
         self._reader.look_at(tracks)
         self._seen = {}
@@ -181,7 +188,7 @@ def _has_area(track: Track) -> bool:
 
 
 def _farthest_m(known: Person, pose: Pose, t_s: float, certain: bool) -> float:
-    """As far as somebody can have walked since they were last seen."""
+    """As far as a person can have walked since the last sight."""
     since_s = max(0.0, t_s - known.seen_s)
     last_m = math.hypot(*pose.seen(*known.place))
     if certain:
@@ -190,5 +197,5 @@ def _farthest_m(known: Person, pose: Pose, t_s: float, certain: bool) -> float:
 
 
 def _smoothed_m(known: Person, pose: Pose) -> float:
-    """How far away from a pose somebody was when last seen, as their filter says."""
+    """How far away from a pose a person was when last seen, as the filter says."""
     return math.hypot(*pose.seen(*known.filter.place_at(known.filter.t_s)))

@@ -12,9 +12,11 @@ from heel.services.follower.estimate import PlaceFilter, polar_covariance
 from heel.services.follower.own_motion import OwnMotion
 
 _SIGMA_M = 0.06
+"""Standard deviation of a range to a person, metres: clothes and swinging arms. Chosen by hand."""
 _GATE_M = 0.35
-"""What is nearer than the person by more is somebody or something else in between."""
+"""Metres; a thing that is nearer than the person by more stands in between."""
 _LONGEST_S = 0.25
+"""Seconds between a range and the frame that it is used for; chosen by hand."""
 _NARROW_RAD = 0.27
 """A person's width 2 m away. A wider sector may go on showing a wall beside them instead."""
 
@@ -30,12 +32,12 @@ class RangesInTime:
         """Correct a place that the camera saw by the range in its direction, if they agree.
 
         Args:
-            place: of somebody at `t_s`; corrected along the line of sight.
+            place: of a person at `t_s`; corrected along the line of sight.
             t_s: when the picture was taken.
             motion: where the robot was.
 
         Returns:
-            How far somebody is whom a narrow sector shows in that direction; None if none does.
+            How far a person in that direction is by a narrow sector; None if none shows one.
         """
         gap_s = self.t_s - t_s
         if abs(gap_s) > _LONGEST_S:

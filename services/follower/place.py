@@ -13,21 +13,23 @@ from heel.services.geometry.person import PersonModel, PersonPosition, locate_pe
 from heel.services.geometry.person_box import PersonBox
 
 _FARTHEST_M = 100.0
+"""Metres; no place is said to be farther."""
 _VARYING_SHARE = 0.4
 """Of the distance's uncertainty: the rest, the person's height, is the same in every frame."""
 _TOLD_DISTANCE_SHARE = 0.1
+"""Assumed standard deviation of a distance that a tracker gives without one, of that distance."""
 _TOLD_BEARING_SIGMA_RAD = 0.02
-"""Assumed errors of places that a tracker tells without theirs."""
+"""The same of a bearing, radians."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the camera sees somebody.
+    """Where the camera sees a person.
 
     Attributes:
         distance_m, bearing_rad: along the ground; left is positive.
         distance_sigma_m, bearing_sigma_rad: what varies of them from frame to frame.
-        certain: whether all that is seen fits somebody who stands there.
+        certain: whether all that is seen fits a person that stands there.
         by_height: whether it rests on the assumed height of people alone.
         told: whether the tracker itself stated the distance.
     """
@@ -45,7 +47,7 @@ class PlaceReader:
     """Reads places from boxes; of a camera of unknown mounting it learns the ground as it goes.
 
     Args:
-        person_height_m: assumed of everybody.
+        person_height_m: assumed of every person.
         horizontal_fov_rad: where the camera does not state its own.
     """
 
@@ -82,10 +84,10 @@ class PlaceReader:
             self._camera = made or Pinhole.from_fov(*size, self._fov_rad)
 
     def read(self, track: Track, width: LearnedWidth, t_s: float) -> Place | None:
-        """Where somebody is; the tracker's own word comes first.
+        """Where a person is; the tracker's own word comes first.
 
         Args:
-            track: of somebody in the frame that was looked at.
+            track: of a person in the frame that was looked at.
             width: of that person; learned from this box if it is certain where it is.
             t_s: when the picture was taken.
         """

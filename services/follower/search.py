@@ -1,4 +1,4 @@
-"""Looking round for somebody who is out of sight: by turning only, so far and no longer."""
+"""Looking round for a person out of sight: by turning only, so far and no longer."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import math
 from heel.services.follower.own_motion import Pose
 
 _REACHED_RAD = 0.08
+"""Radians from a heading within which it counts as reached; chosen by hand."""
 
 
 class Search:
     """Looks where the person is expected, then to both sides, and gives up.
 
-    In the end it faces where the person was last seen: who has gone behind something comes back
-    there sooner than through the wall.
+    In the end it faces where the person was last seen: one that has gone behind a thing comes
+    back there sooner than through the wall.
 
     Args:
         start: where the robot is now.

@@ -16,10 +16,12 @@ _HOLD_S: dict[Sensor, float] = {"ranges": 1.0, "odometry": 1.0, "camera": 3.0}
 the camera's description is asked for every two seconds while there is none."""
 _ALIKE_S = 0.4
 """Refused alike for so long is a sensor: it fails the same way every time, junk does not. And junk
-is no reason to stand: else one message a second from anybody would hold the robot up."""
+is no reason to stand: else one message a second from any sender would hold the robot up."""
 _VALUE = re.compile(r"[-+]?[0-9][0-9.e+-]*")
-_FASTEST_MPS, _FASTEST_RADPS = 10.0, 20.0
-"""Twice what a command may order. Millimetres or degrees per second are soon beyond it."""
+_FASTEST_MPS = 10.0
+"""Twice what a command may order. Millimetres per second are soon beyond it."""
+_FASTEST_RADPS = 20.0
+"""Twice what a command may order. Degrees per second are soon beyond it."""
 _FARTHEST_M = 100.0
 """If the nearest thing around is farther away, it is told in millimetres."""
 
@@ -85,10 +87,10 @@ class Sensors:
         """A message that cannot be used.
 
         Args:
-            sensor: whose topic it came on.
+            sensor: the one that the topic is of.
             reason: why, in words.
             now_s: time of arrival.
-            known: whether it says who sent it, and is newer than all before; a message that does
+            known: whether it names its sender, and is newer than all before; a message that does
                 not counts if others before it were refused alike.
         """
         heard = self._heard[sensor]
@@ -102,7 +104,7 @@ class Sensors:
     def trouble(self, now_s: float) -> str:
         """Why the robot must not move: a sensor that speaks, none of it good of late; "" if none.
 
-        One odd message beside good ones stops nobody.
+        One odd message beside good ones does not stop the robot.
         """
         for sensor, heard in self._heard.items():
             speaks = now_s - heard.refused_s <= _HOLD_S[sensor]

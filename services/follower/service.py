@@ -323,7 +323,7 @@ class FollowerService:
             self._context.statistics.problem("info", reason, now_s + _TOLD_S)
             epoch = None if self._newest is None else self._newest.message.epoch
             if implausible(info) and info.epoch == epoch != self._info_epoch:
-                # Nobody else describes the camera in use: the standard lens would be a guess.
+                # No other sender describes the camera in use: the standard lens would be a guess.
                 with self._lock:
                     self._follower.refuse("camera", wrong, now_s)
         elif self._newest is not None and info.epoch == self._newest.message.epoch:
@@ -331,7 +331,7 @@ class FollowerService:
             self._use_camera_of(info.epoch)
 
     def _catch_up(self) -> None:
-        """A follower that restarts must forget neither a stop nor who was chosen."""
+        """A follower that restarts must forget neither a stop nor the person chosen."""
         self._stop.catch_up()
         self._ask_camera()
         if self._note is not None and (kept := self._note.load()) is not None:
@@ -377,7 +377,7 @@ class FollowerService:
             query.reply(keys.FOLLOW_TARGET, encode(target), encoding=target.encoding())
 
     def _choose(self, request: TargetRequest) -> Target:
-        """Choose; a point at which nobody is tracked is told to the detector besides."""
+        """Choose; a point without a track is told to the detector besides."""
         with self._lock:
             target = self._follower.choose(request)
             pointed = self._follower.pointed

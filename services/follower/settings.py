@@ -1,4 +1,4 @@
-"""Settings of the follower: whom, how near, how fast, and when not."""
+"""Settings of the follower: which person, how near, how fast, and when not."""
 
 from __future__ import annotations
 

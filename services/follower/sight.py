@@ -13,12 +13,12 @@ Sight = Literal["clear", "doubtful", "hidden", "missed"]
 def judge_sight(
     track: Track | None, located: bool, trusted: bool, settings: FollowerSettings
 ) -> tuple[Sight, str]:
-    """How well somebody is seen, and why not better.
+    """How well a person is seen, and why not better.
 
     Args:
         track: of the chosen person, None if there is none.
         located: whether the box tells a place.
-        trusted: whether the person is being followed: whoever is not has to be surer.
+        trusted: whether the person is being followed: one that is not has to be surer.
         settings: the thresholds.
     """
     if track is None or track.state in ("lost", "new") or not track.shown:

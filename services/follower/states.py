@@ -1,7 +1,7 @@
 """The follower's states: one function each, from the situation to the next state and its reason.
 
 What overrules every state stands in `overruled`, in order: emergency stop, a sensor that cannot be
-read, a blind range sensor, nobody chosen, nothing seen yet, stale tracks, a target that may be a
+read, a blind range sensor, no target chosen, nothing seen yet, stale tracks, a target that may be a
 thing.
 """
 
@@ -24,7 +24,7 @@ class Situation:
     Attributes:
         ranges_stale: ranges were there once and are too old now.
         chosen: whether there is a target or one is waited for.
-        chosen_reason: what is said while nobody is chosen or still waited for.
+        chosen_reason: what is said while no person is chosen or one is still waited for.
         target_id: of the chosen person.
         tracks_age_s: None before the first tracks.
         sight, sight_reason: of the chosen person in the newest frame.
@@ -118,7 +118,7 @@ def occluded(now: Situation, settings: FollowerSettings) -> Step:
 
 
 def unsure(now: Situation, settings: FollowerSettings) -> Step:
-    """Somebody is there who may be the one: stand still until that is clear."""
+    """A person is there that may be the target: stand still until that is clear."""
     if now.sight == "clear" and now.clear_s >= settings.confirm_s:
         return "following", now.sight_reason
     if now.sight == "clear":
@@ -140,7 +140,7 @@ def searching(now: Situation, settings: FollowerSettings) -> Step:
 
 
 def lost(now: Situation, settings: FollowerSettings) -> Step:
-    """Gone: wait, however long it takes, for the same person and nobody else."""
+    """Gone: wait, however long it takes, for the same person and no other."""
     if now.sight in ("clear", "doubtful"):
         return acquiring(now, settings)
     return "lost", "target lost"

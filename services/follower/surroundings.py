@@ -15,14 +15,19 @@ _CHILDS_SPACE_M = 0.8
 """Kept from a child that is taken for an adult: 0.6 m are promised, the rest is for the delay of
 smoothed boxes."""
 _OTHERS_MARGIN_M = 0.2
-"""Who crosses also comes nearer by themselves."""
+"""Metres: a person that crosses also comes nearer without the robot."""
 _PASSING_SPACE_M = 0.3
-_PASSING_FROM_M, _PASSING_AHEAD_M = 0.8, 5.0
+"""Metres kept free of people that the robot passes, beyond personal space; chosen by hand."""
+_PASSING_FROM_M = 0.8
+"""Metres ahead; nearer people are not steered clear of any more. Chosen by hand."""
+_PASSING_AHEAD_M = 5.0
+"""Metres ahead; farther people are not steered clear of yet. Chosen by hand."""
 _WALK_MPS = 0.5
+"""Speed of the robot assumed in looking for a way, m/s: a slow walk."""
 _GREATEST_SIDESTEP_RAD = 0.35
 """Keeps the target in the picture of a camera with 60 degrees."""
 _LEAST_SHARE = 0.4
-"""Who is taken for an adult and is a child is not nearer by more than that."""
+"""Share of the distance: a child that is taken for an adult is not nearer by more than that."""
 _CURVE_S = 0.3
 """A turning robot also looks where it will be heading by then."""
 _TARGETS_SPACE, _OTHERS_SPACE = "personal space", "somebody else is in the way"
@@ -60,8 +65,8 @@ class Surroundings:
         """How far the robot may go ahead and back.
 
         Args:
-            people: everybody in sight.
-            target_id: who of them is followed.
+            people: all in sight.
+            target_id: the one that is followed.
             pose: where the robot is now.
             now_s: the present.
             linear_mps: how fast it drives.
@@ -91,7 +96,7 @@ class Surroundings:
             for direction_rad in (0.0, angular_radps * _CURVE_S):
                 free_m = self._sectors.free_m(self._body, direction_rad)
                 ways.append((math.inf if free_m is None else free_m, _OBSTACLE))
-            # Who has ranges but none behind does not back into the unknown.
+            # A robot that has ranges but none behind does not back into the unknown.
             behind_m = self._sectors.free_m(self._body, math.pi) or 0.0
         ahead_m, ends_at = min(ways, key=lambda way: way[0])
         return Room(ahead_m, behind_m, ends_at)
@@ -117,18 +122,18 @@ class Surroundings:
     ) -> float:
         """How far to head beside the target, so that others are passed with space.
 
-        Everybody who would be met too near pushes by the angle that makes up for it at the place
-        where they are met.
+        Every person that would be met too near pushes by the angle that makes up for it at the
+        place of meeting.
 
         Args:
-            people: everybody in sight.
-            target_id: who of them is followed.
+            people: all in sight.
+            target_id: the one that is followed.
             way: where the robot is, heading straight to the target.
             now_s: the present.
             linear_mps: how fast it drives.
         """
         wished_m = self._settings.personal_space_m + _PASSING_SPACE_M
-        # A robot that somebody holds up looks for its way at a walk.
+        # A robot that is held up looks for its way at a walk.
         speed_mps = max(linear_mps, _WALK_MPS)
         push_rad = 0.0
         for person in people.known.values():

@@ -1,4 +1,4 @@
-"""A robot that swings to and fro before somebody: it does what it is told later than assumed."""
+"""A robot that swings to and fro before a person: it obeys later than assumed."""
 
 from __future__ import annotations
 
@@ -6,14 +6,20 @@ import math
 from collections import deque
 
 _PEAK_RADPS = 0.3
-"""Who walks about is followed by slower turning; a delay of 0.2 s more swings at 0.5 to 1.5."""
-_SHORTEST_S, _LONGEST_S = 0.4, 2.6
-"""Of one way: half a period. 0.3 to 0.5 s of delay that nobody reckoned with give 1.0 to 1.8 s."""
+"""A person that walks about is followed by slower turning; a delay of 0.2 s more swings at 0.5 to
+1.5 rad/s."""
+_SHORTEST_S = 0.4
+"""Of one way, half a period: an unforeseen delay of 0.3 to 0.5 s gives 1.0 to 1.8 s."""
+_LONGEST_S = 2.6
+"""Of one way, half a period; slower turning to and fro follows a person."""
 _WAYS = 4
-"""To and fro twice: nobody who is followed dodges so evenly for so long."""
+"""To and fro twice: no person dodges so evenly for so long."""
 _EVEN = 1.8
 """Greatest way over the least one, in time."""
-_CALMER, _CALMEST = 0.5, 0.2
+_CALMER = 0.5
+"""Share of the turning that is left after a swing; chosen by hand."""
+_CALMEST = 0.2
+"""Least share of the turning: the robot still keeps the person in sight. Chosen by hand."""
 _FORGET_S = 60.0
 """In which the turning gets 1/e of its briskness back: a person may have played, after all."""
 

@@ -1,4 +1,4 @@
-"""Who is chosen, by whom the id was given out, and what is waited for."""
+"""Which person is chosen, which tracker gave the id, and what is waited for."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from heel.services.follower.settings import FollowerSettings
 from heel.services.runtime.streams import FORMER_S
 
 _CHOICE_AGE_S = 0.5
-"""Who was seen no longer ago can still be chosen: a busy machine is late now and then, and nothing
+"""A person seen no longer ago can still be chosen: a busy machine is late now and then, and nothing
 moves before the tracks are fresh."""
 
 
@@ -28,11 +28,11 @@ class TargetError(HeelError):
 
 
 class TargetChoice:
-    """Keeps the target; a chosen id changes only on request, or when ids mean somebody else.
+    """Keeps the target; a chosen id changes only on request, or when ids mean other people.
 
     Attributes:
-        target: who is chosen or waited for.
-        pending: where somebody is looked for who was pointed at, if anywhere.
+        target: the person chosen or waited for.
+        pending: where a person that was pointed at is looked for, if anywhere.
     """
 
     def __init__(self, settings: FollowerSettings) -> None:
@@ -51,23 +51,23 @@ class TargetChoice:
         self._left: KeptTarget | None = None
         self._seen_ns = 0
         self._interrupted: tuple[KeptTarget, int] | None = None
-        """Who was followed when another tracker took over, and when, by the camera's clock."""
+        """The person followed when another tracker took over, and when, by the camera's clock."""
         self.pending: PendingPoint | None = None
         self.target = Target(seq=0, mode=settings.target, reason=self._waiting[settings.target])
 
     def restore(self, kept: KeptTarget) -> None:
-        """Follow whom the follower before this one followed, if the first tracks are the same's."""
+        """Follow the person of the follower before, if the first tracks are the same tracker's."""
         self._left = kept
 
     @property
     def kept(self) -> KeptTarget | None:
-        """What the next follower has to know to go on; None if nobody is chosen."""
+        """What the next follower has to know to go on; None if no person is chosen."""
         if self.target.track_id is None or self._scene is None:
             return self._left
         return KeptTarget(target=self.target, scene=self._scene)
 
     def source_is(self, tracker: str, tracks: Tracks) -> bool:
-        """Note who tracks in which pictures; True if all ids mean somebody else from now on."""
+        """Note the tracker and its pictures; True if all ids mean other people from now on."""
         scene = (tracks.stream, tracks.epoch, tracks.width, tracks.height)
         before_tracker, before_scene = self._tracker, self._scene
         kept, seen_ns = self.kept, self._seen_ns
@@ -93,12 +93,12 @@ class TargetChoice:
     def request(
         self, request: TargetRequest, tracks: Tracks | None, age_s: float, now_s: float
     ) -> bool:
-        """Choose or clear; returns whether another person, or nobody, is chosen now.
+        """Choose or clear; returns whether another person, or none, is chosen now.
 
-        A point at which nobody is tracked is chosen too, and somebody is looked for there.
+        A point without a track is chosen too, and a person is looked for there.
 
         Args:
-            request: who is meant.
+            request: which person is meant.
             tracks: the newest frame, None before the first.
             age_s: how old it is.
             now_s: the present.
@@ -109,7 +109,7 @@ class TargetChoice:
         """
         before = self.target.track_id
         if request.mode == "id":
-            self._requested(request, tracks)  # that nobody has this id is the better reason
+            self._requested(request, tracks)  # that no track has this id is the better reason
         if request.mode != "none":
             self._refuse_stale(tracks, age_s)
         if request.mode == "none":
@@ -122,7 +122,7 @@ class TargetChoice:
         return self.target.track_id is None or self.target.track_id != before
 
     def settle(self, tracks: Tracks, seen: Iterable[Person], t_s: float) -> bool:
-        """Pick who is waited for, if there; returns whether somebody was picked.
+        """Pick the person waited for, if there; returns whether one was picked.
 
         Args:
             tracks: the newest frame.
@@ -142,12 +142,12 @@ class TargetChoice:
         return self.target.track_id is not None
 
     def give_up(self, now_s: float) -> None:
-        """Look no longer at a point at which nobody was found for a while."""
+        """Look no longer at a point where no person was found for a while."""
         if self.pending is not None and self.pending.for_s(now_s) <= 0.0:
             self._set("none", None, "nobody found there: click on somebody again")
 
     def interrupted(self) -> None:
-        """Nothing fresh is seen: whoever stood before the robot has to do so anew."""
+        """Nothing fresh is seen: a person that stood before the robot has to do so anew."""
         self._imprinting.reset()
 
     def _refuse_stale(self, tracks: Tracks | None, age_s: float) -> None:

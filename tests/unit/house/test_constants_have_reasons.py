@@ -16,7 +16,7 @@ WITHOUT_REASON = {
     "services/commands": 16,
     "services/detector": 30,
     "services/drive": 1,
-    "services/follower": 68,
+    "services/follower": 0,
     "services/geometry": 0,
     "services/loops": 33,
     "services/run": 18,
