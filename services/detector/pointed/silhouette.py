@@ -28,6 +28,7 @@ _EDGE = 0.06
 """Softness of the sides, box widths."""
 
 _OUTLINE = Outline(LEGS_TOGETHER, beyond=0.03, outside=-0.2)
+"""Ends chosen by hand, so that the soft sides leave nothing above the head and below the feet."""
 
 
 def reach(down: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,6 +25,7 @@ _EDGE = 0.07
 """Softness of the sides, widths."""
 
 _OUTLINE = Outline(LEGS_OF_WALKERS, beyond=0.05, outside=0.0)
+"""Ends chosen by hand: `_FADE` lets the cover end softly there."""
 # How far the body covers what is behind it, from head to foot: its ends are seen less surely.
 _FADE_AT = (-0.05, 0.0, 0.06, 0.94, 1.0, 1.05)
 _FADE = (0.05, 0.4, 1.0, 1.0, 0.6, 0.1)
