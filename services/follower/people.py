@@ -31,7 +31,7 @@ if it were certain."""
 _NEARER_SHARE = 0.1
 """Standard deviation of such a place as a share of its distance; chosen by hand."""
 _HEIGHT_RESERVE_M = 0.25
-"""Metres kept from an adult on top, where the distance rests on the height alone; chosen by hand."""
+"""Metres kept from an adult on top where only the height tells the distance; chosen by hand."""
 _LEAST_HEIGHT_M = 0.9
 """Metres: a child that walks by itself; smaller ones are carried."""
 
