@@ -187,12 +187,12 @@ def case_of(file: str) -> str:
 
 
 def moved(kept: Files, played: Played) -> list[str]:
-    """What is not as it was, a line a file; empty if nothing has moved."""
+    """What is not as it was, a line a file; empty if nothing has moved, or nothing is kept."""
     if played.error:
         return [f"{played.name}: {played.error}"]
     before = {name: rows for name, rows in kept.items() if case_of(name) == played.name}
     if not before:
-        return [f"{played.name}: new, nothing to compare with: --renew keeps it"]
+        return []
     lines = []
     for name in sorted({*before, *played.files}):
         was, now = before.get(name), played.files.get(name)
@@ -361,6 +361,7 @@ def main(
         )
     before = kept.files if here else None
     lines: list[str] = []
+    new: list[str] = []
     failed = False
     with tempfile.TemporaryDirectory() as scratch:
         folder = out or Path(scratch)
@@ -368,6 +369,7 @@ def main(
             failed |= bool(one.error)
             if before is not None or one.error:
                 lines += _told(moved(before or {}, one), against, folder)
+                new += [one.name] if _word(one, before) == "new" else []
             if renew and not one.error:
                 # After each case: what was played before an interruption is not lost.
                 kept = renewed(kept, one)
@@ -375,9 +377,11 @@ def main(
     absent = sorted({case_of(name) for name in kept.files} - {case.name for case in every})
     if absent:
         typer.echo(f"not played, for they are not here: {', '.join(absent)}")
+    if new and not renew:
+        typer.echo(f"nothing to compare with, --renew keeps them: {', '.join(new)}")
     if not here and not renew:
         lines.append(f"{other_machine(kept.made_on)}: not compared; the rows are in {out}")
-    typer.echo("\n".join(lines) or f"{len(cases)} cases: nothing has moved")
+    typer.echo("\n".join(lines) or f"{len(cases) - len(new)} cases: nothing has moved")
     if failed or (here and lines and not renew):
         raise typer.Exit(1)
 

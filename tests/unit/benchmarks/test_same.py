@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks import same
-from benchmarks.same import Kept, Played, Rows, moved, read_kept, rows_in
-from benchmarks.same_cases import COMMANDS, TRACKS, Case
+from benchmarks.same import Kept, Played, Rows, case_of, moved, read_kept, rows_in
+from benchmarks.same_cases import COMMANDS, TRACKS, Case, all_cases
 from heel.schemas.errors import HeelError, SettingsError
 from tests.support.processes import finished
 
@@ -34,6 +34,11 @@ def test_drawn_scenes_come_out_as_they_are_kept() -> None:
     assert code == 0, f"moved (renew if it is meant to: benchmarks/same.py):\n{out}{err}"
 
 
+def test_every_case_of_the_short_form_is_kept() -> None:
+    kept = {case_of(name) for name in read_kept(same.KEPT).files}
+    assert {case.name for case in all_cases() if case.short} <= kept
+
+
 def test_a_file_that_has_changed_is_named_with_its_rows(tmp_path: Path) -> None:
     before = played(tmp_path, "1\n2\n")
     assert not moved(before.files, before)
@@ -45,12 +50,12 @@ def test_a_file_that_has_changed_is_named_with_its_rows(tmp_path: Path) -> None:
     ]
 
 
-def test_files_that_come_and_go_and_new_cases_are_named(tmp_path: Path) -> None:
+def test_files_that_come_and_go_are_named(tmp_path: Path) -> None:
     now = played(tmp_path, "1\n")
     commands = {f"{now.name}/{COMMANDS}": Rows("0" * 16, 1)}
     assert moved({**now.files, **commands}, now) == ["drawn/one/default/commands.csv: gone"]
     assert moved(commands, now)[1] == "drawn/one/default/tracks.txt: new"
-    assert "new, nothing to compare with" in moved({}, now)[0]
+    assert moved({}, now) == [], "nothing was kept of it"
 
 
 def test_a_case_that_fails_is_told_and_never_kept(tmp_path: Path) -> None:
