@@ -1,7 +1,8 @@
-"""Who has to be there for somebody to be followed, and who is gone, silent or there twice.
+"""The parts needed for a person to be followed, and which are gone, silent or there twice.
 
 Two signals, neither of which is enough: a liveliness token goes at once when a process ends or its
-connection breaks, but stays while it hangs; health comes four times a second from whoever works.
+connection breaks, but stays while it hangs; health comes four times a second from
+every part that works.
 """
 
 from __future__ import annotations
@@ -16,18 +17,22 @@ from heel.schemas import Health
 CHAIN = ("capture", "detector", "tracker", "follower", "drive")
 """From the picture to the wheels: each works on what the one before it sends."""
 CAMERA, PERCEPTION, MISSING = "camera", "perception", "missing"
-"""Details of a service's health: whose pictures it works on; what stands in for the detector; which
-parts of the chain it has seen going."""
+"""Details of a service's health: the camera that it works for; what stands in for the detector;
+which parts of the chain it has seen going."""
 _PER_CAMERA = ("capture", "detector", "tracker")
 _ONE_AT_A_TIME = (*CHAIN, "simulator")
 _KNOWN = (*_ONE_AT_A_TIME, "web", "recorder")
 _MOST_OF_A_KIND = 4
+"""Parts of one known kind that are remembered; chosen by hand, a robot has one or two."""
 _MOST_OTHERS = 12
+"""Parts of unknown kinds that are remembered; chosen by hand."""
 MAX_PARTS = _MOST_OF_A_KIND * len(_KNOWN) + _MOST_OTHERS
 BEATS_MISSED = 3
 """Health messages in a row that may fail to come before a part counts as silent."""
 _SLOWEST_BEAT_S = 1.0
+"""Seconds: a part that states a longer period of health is held to this one. Chosen by hand."""
 _MUTE_S = 1.0
+"""Seconds that a part may be known without a word of health: four messages. Chosen by hand."""
 _GONE_AFTER_S = 0.3
 """A token that comes back sooner was a connection made anew."""
 
@@ -36,7 +41,7 @@ PartState = Literal["ok", "silent", "gone", "ended"]
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Something that keeps somebody from being followed, in words for whoever looks."""
+    """What keeps a person from being followed, in words for a user."""
 
     part: str
     kind: Literal["gone", "silent", "doubled", "bus"]
@@ -73,7 +78,7 @@ class ChainWatch:
 
     own: str = ""
     parts: dict[str, Part] = field(default_factory=dict)
-    """By producer. Bounded, and whoever is still heard is not pushed out by newcomers."""
+    """By producer. Bounded, and a part that is still heard is not pushed out by newcomers."""
     unlisted: int = 0
     """Senders that found no place."""
     _tokens: dict[tuple[str, str], tuple[bool, float]] = field(default_factory=dict)
@@ -109,7 +114,7 @@ class ChainWatch:
         return "silent" if now_s - part.heard_s > part.limit_s else "ok"
 
     def bus_silent_s(self, now_s: float) -> float | None:
-        """Since when nobody at all is heard though somebody was; None while somebody is."""
+        """Since when no part at all is heard though one was; None while one is."""
         others = [
             part for part in self.parts.values()
             if part.health.producer != self.own and part.health.state != "ended"
@@ -139,7 +144,7 @@ class ChainWatch:
         there = [n for n, service in enumerate(CHAIN) if service in live | stands_in]
         wanted = set(expected)
         if len(there) > 1:
-            # Where somebody unknown sends the first part's input, what is behind them is theirs.
+            # Where an unknown part sends the first part's input, what is behind it is its own.
             first = min(there) if CHAIN[min(there)] in stands_in else 0
             wanted |= set(CHAIN[first : max(there) + 1])
         absent = sorted(wanted - known - stands_in, key=_place)
@@ -150,7 +155,7 @@ class ChainWatch:
         ]
 
     def _roles(self) -> list[tuple[str, str]]:
-        """Every role that somebody has or had, those included who were never heard."""
+        """Every role that is or was filled, those included that were never heard."""
         heard = {part.role for part in self.parts.values()}
         mute = {service for service, _ in self._tokens} - {service for service, _ in heard}
         return sorted(heard | {(service, "") for service in mute})
@@ -188,7 +193,7 @@ class ChainWatch:
         return [Problem(service, "silent", f"{service}: silent for {silent_s:.0f} s or more")]
 
     def _taken_over(self, role: tuple[str, str], now_s: float) -> bool:
-        """Whether somebody does this work who does not say for which camera."""
+        """Whether a part does this work that does not say for which camera."""
         service, camera = role
         return any(
             part.health.service == service and "" in (camera, part.role[1])
@@ -197,7 +202,7 @@ class ChainWatch:
         )  # fmt: skip
 
     def _replaced_by(self, health: Health, now_s: float) -> list[str]:
-        """Those whose place a newcomer takes: the same part, no longer heard."""
+        """Parts that a newcomer takes the place of: the same part, no longer heard."""
         return [
             producer for producer, part in self.parts.items()
             if (part.health.service, part.health.instance) == (health.service, health.instance)
@@ -228,7 +233,7 @@ _PAGE = re.compile(r"http://[a-zA-Z0-9.:\[\]-]{1,80}:[0-9]{1,5}/")
 
 
 def page_of(health: Health) -> str | None:
-    """The address at which a web service says that its page is; None of anybody else.
+    """The address at which a web service says that its page is; None of any other part.
 
     People open it in a browser: what does not look like one of Heel's pages is not passed on.
     """
@@ -259,7 +264,7 @@ def _place(service: str) -> int:
 
 
 def _stood_in_for(parts: Iterable[Part]) -> set[str]:
-    """What others do in place of the chain's own: a simulator, or whoever it is that is heard."""
+    """What others do in place of the chain's own: a simulator, or another sender that is heard."""
     stands_in: set[str] = set()
     for part in parts:
         service, age_s = part.health.service, part.health.input_age_s

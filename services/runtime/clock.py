@@ -1,4 +1,4 @@
-"""Whose monotonic clock this process reads."""
+"""Which monotonic clock this process reads."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def monotonic_clock() -> str:
     """A name that two processes share exactly when their monotonic clocks show the same time.
 
     It is the boot of the host and the time namespace (a container may shift its clock). Where the
-    system tells neither, nobody shares it.
+    system tells neither, no other process shares it.
     """
     try:
         boot = re.sub(r"[^0-9a-f-]", "", _BOOT_ID.read_text(encoding="ascii"))

@@ -170,7 +170,7 @@ def run_app(app: typer.Typer) -> None:
 def hide_password() -> None:
     """Start this process anew with `--password` in its environment instead of on its command line.
 
-    Everybody on the machine can read a command line in `ps`, and only the same user an environment.
+    All users of the machine can read a command line in `ps`, and only the same one an environment.
     It is to be seen until here, for the time that Python takes to start.
     """
     kept, arguments = [], list(sys.orig_argv[1:])

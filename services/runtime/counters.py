@@ -10,8 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 _WINDOW = 256
+"""Latest values that percentiles are of; chosen by hand."""
 _RATE_WINDOW_S = 2.0
+"""Seconds that a rate is the mean of; chosen by hand."""
 _INTERVALS = 8
+"""Latest arrivals that the usual interval is told from; chosen by hand."""
 _SILENT_S = 0.75
 """An input that was there is missed after this, or after three of its usual intervals."""
 _SENDERS = {"image": "capture", "blobs": "detector", "tracks": "tracker", "command": "follower",
@@ -48,7 +51,7 @@ class ServiceStatistics:
         self._problems: dict[str, tuple[str, float]] = {}
         self.received = self.sent = self.dropped = self.malformed = 0
         self.failed = 0
-        """Messages whose processing raised an error."""
+        """Messages that could not be processed."""
         self.last_input_s: float | None = None
         self.last_loop_s: float | None = None
         self.shared_memory: bool | None = None

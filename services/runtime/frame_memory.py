@@ -35,7 +35,7 @@ class FrameMemory:
     def make_room(self, frame_bytes: int) -> None:
         """Take the memory for frames of this size; locking it takes 1 ms per MB.
 
-        Outgrown pools stay: frames in them that nobody has opened yet would be lost with them
+        Outgrown pools stay: frames in them that are not opened yet would be lost with them
         (measured). Doubling keeps all of them together below twice the newest.
         """
         self._buffer_bytes = max(frame_bytes, 2 * self._buffer_bytes)

@@ -130,7 +130,7 @@ class HealthReporter(threading.Thread):
         found: list[str] = []
         if self._presence is not None:
             if self._presence.bus_away(now_s):
-                # Then nothing comes in, and nobody else can be judged.
+                # Then nothing comes in, and no other part can be judged.
                 return ["the router is away"]
             missing = [] if s.input_over else self._presence.missing(now_s)
             s.detail(MISSING, ",".join(missing) or None)

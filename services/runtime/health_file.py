@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 _PERIOD_S = 0.9
+"""Seconds: at least once a second is promised."""
 
 
 class HealthFile:
@@ -36,7 +37,7 @@ class HealthFile:
         failure = None
         try:
             whole.unlink(missing_ok=True)
-            # Made anew: a link of that name would lead to somebody else's file.
+            # Made anew: a link of that name would lead to another user's file.
             with whole.open("x", encoding="utf-8") as file:
                 file.write(f"{state} {reason}\n")
             whole.replace(self._path)

@@ -1,6 +1,6 @@
 """Logging set-up: text for people, JSON lines for machines, one formatter for everything.
 
-Much of what is logged came over the wire from somebody who need not mean well. So no character
+Much of what is logged came over the wire from a sender that need not mean well. So no character
 gets through that a terminal obeys, no line break that makes a second line, no text without end,
 and no flood.
 """
@@ -16,11 +16,15 @@ from typing import IO
 from heel.services.runtime.settings import LogSettings
 
 _STANDARD = frozenset(vars(logging.LogRecord("", 0, "", 0, "", None, None))) | {"message"}
+"""Attributes that every record has; others are a caller's own."""
 LONGEST_TEXT = 1000
 """Characters of a message that are written; chosen by hand, longer than any of ours."""
 _LINES_PER_KIND = 5
+"""Lines of one kind that are written in one period; chosen by hand."""
 _LINES_IN_ALL = 60
+"""Lines of all kinds below an error that are written in one period; chosen by hand."""
 _MAX_KINDS = 256
+"""Kinds that are counted apart: bounds the memory. Chosen by hand."""
 
 
 def printable(text: str, longest: int = LONGEST_TEXT) -> str:

@@ -58,5 +58,5 @@ class Pacer:
         return behind
 
     def resume(self, index: float, now_s: float) -> None:
-        """Start the grid anew with frame `index` due now, after a pause that nobody should see."""
+        """Start the grid anew with frame `index` due now, after a pause that is not to be seen."""
         self._start_s = now_s - index / self._fps

@@ -7,7 +7,7 @@ import re
 ESCAPES = "write @ / ? # in a password as %40 %2F %3F %23"
 """What helps where an address with a user in it is misread."""
 
-# As far as the last @ of the word: whoever did not escape a / ? # or @ typed their password there.
+# As far as the last @ of the word: where a / ? # or @ was not escaped, the password is there.
 # Better a path with an @ that is shown too short than half a password.
 _USER = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*:/{1,3})[^\s'\"]*@")
 _BARE_USER = re.compile(r"(?<![^\s'\"(=,])[A-Za-z0-9_.+-]+:[^\s'\"/][^\s'\"]*@(?=[^\s'\"]+)")

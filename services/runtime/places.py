@@ -18,6 +18,7 @@ VARIABLE = "HEEL_RUNTIME_DIR"
 """Names another run folder: a container's volume, or one for every test."""
 
 _SO_NETNS_COOKIE = 71
+"""Of Linux, asm-generic/socket.h; the socket module does not name it."""
 _HOST_AND_PORT = re.compile(r"[a-z-]+/(.+):(\d+)")
 
 
@@ -25,10 +26,10 @@ def run_folder() -> Path:
     """The run folder, made if it is not there: sockets and notes of what runs.
 
     `$HEEL_RUNTIME_DIR`, else `$XDG_RUNTIME_DIR/heel`, else `/tmp/heel-<uid>`. Only its owner may
-    enter it: whoever may write here can stop the robot.
+    enter it: a user that may write here can stop the robot.
 
     Raises:
-        SettingsError: it cannot be made, is a link, or somebody else owns it or may write to it.
+        SettingsError: it cannot be made, is a link, or another user owns it or may write to it.
     """
     folder = _wanted()
     try:
@@ -57,7 +58,7 @@ def _wanted() -> Path:
     if named:
         return Path(named).absolute()
     session = os.environ.get("XDG_RUNTIME_DIR")
-    # After `su` the variable may still name the folder of whoever logged in.
+    # After `su` the variable may still name the folder of the user that logged in.
     if session and os.path.isdir(session) and os.stat(session).st_uid == os.geteuid():
         return Path(session) / "heel"
     return Path(f"/tmp/heel-{os.geteuid()}")
@@ -83,7 +84,7 @@ def _router(endpoint: str) -> str:
 
 
 def _is_own(host: str) -> bool:
-    """Whether an address is this machine's, without asking anybody for names."""
+    """Whether an address is this machine's, without asking a name server."""
     if host == "localhost":
         return True
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -99,7 +100,7 @@ def _is_own(host: str) -> bool:
 def private_run() -> str:
     """What tells the processes of one `heel run` or `heel demo` from those of the next.
 
-    Their routers take any free port, so that one day somebody else's has the same.
+    Their routers take any free port, so that one day another one has the same.
     """
     parent = os.environ.get(PARENT_VARIABLE)
     if parent is None:

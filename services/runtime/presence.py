@@ -1,4 +1,4 @@
-"""What a service knows of the others without a word from them: the bus, and who is there."""
+"""What a service knows of the others without a word from them: the bus, and which are there."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BACK_S = 2.0
 
 
 def connected(session: zenoh.Session) -> bool:
-    """Whether a router, or in peer mode anybody, is connected at present."""
+    """Whether a router, or in peer mode any peer, is connected at present."""
     info = session.info
     return bool(info.routers_zid() or info.peers_zid())
 

@@ -18,9 +18,14 @@ from typing import NoReturn
 from heel.services.runtime.shared_memory import remove_own_segments
 
 _PR_SET_PDEATHSIG = 1
+"""Of Linux, linux/prctl.h."""
 PARENT_VARIABLE = "HEEL_PARENT_PID"
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_M_TRIM_THRESHOLD = -1
+"""Of glibc, malloc.h."""
+_M_MMAP_THRESHOLD = -3
+"""Of glibc, malloc.h."""
 _CAP_IPC_LOCK = 14
+"""Of Linux, linux/capability.h."""
 _MOST_LOCKED_BYTES = 256 << 20
 """Pools of three cameras of 1080p, and of all that work on them."""
 

@@ -51,7 +51,7 @@ class StreamPublisher:
 
     @property
     def has_listeners(self) -> bool:
-        """Whether anybody subscribes to this key at present."""
+        """Whether there is a subscriber to this key at present."""
         # The stub promises a bool; the binding gives an object, and objects are true (zenoh 1.10).
         status = self._publisher.matching_status
         return bool(getattr(status, "matching", status))
@@ -80,13 +80,13 @@ class Latched:
                 query.reply(self._key, encode(current), encoding=current.encoding())
 
     def set(self, message: Message) -> None:
-        """Publish a new value and keep it for those who ask."""
+        """Publish a new value and keep it for late joiners."""
         with self._lock:
             self._current = message
         self._publisher.put(encode(message), encoding=message.encoding())
 
     def keep(self, message: Message | None) -> None:
-        """Answer with this value from now on, or not; somebody else has published it."""
+        """Answer with this value from now on, or not; another process has published it."""
         with self._lock:
             self._current = message
 

@@ -2,10 +2,10 @@
 
 Nothing that a live run sends may wait for a receiver that takes no part in it. A router passes a
 message on to its receivers one after the other: with BLOCK, one viewer that is frozen or has left
-the network held up everybody behind it for 5 s, the emergency stop included, and with BLOCK_FIRST
+the network held up all behind it for 5 s, the emergency stop included, and with BLOCK_FIRST
 the frames (measured: no commands for 3 to 5 s). So everything is DROP, which gives up after 1 ms
 and from then on at once, and what must arrive is said again: an e-stop until the drive confirms,
-what is latched whenever somebody asks. What is sent seldom is never dropped for being behind
+what is latched whenever it is asked for. What is sent seldom is never dropped for being behind
 frames: every priority has a queue of its own.
 
 Frames leave capture as BLOCK_FIRST, since DROP starves large ones on a slow first link; the router
@@ -74,18 +74,22 @@ _BLOCK = zenoh.CongestionControl.BLOCK
 _BLOCK_FIRST = zenoh.CongestionControl.BLOCK_FIRST
 _P = zenoh.Priority
 
+# Priority; what happens when the link is full; express; how many a receiver that is behind keeps,
+# one where only the newest counts; largest message, bytes.
 IMAGE = TopicQos(_P.DATA_LOW, _BLOCK_FIRST, True, 1, MAX_IMAGE_BYTES)
 TAKEN = TopicQos(_P.REAL_TIME, _DROP, True, 64, Taken.max_bytes)
 BLOBS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Blobs.max_bytes)
 TRACKS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Tracks.max_bytes)
 COMMAND = TopicQos(_P.REAL_TIME, _DROP, True, 1, MotionCommand.max_bytes)
 ESTOP = TopicQos(_P.REAL_TIME, _DROP, True, 64, EStop.max_bytes)
-"""A deep ring: whoever floods the topic with releases must not push a stop out of it."""
+"""A deep ring: a flood of releases must not push a stop out of it."""
+# Ahead of images, behind what drives; the columns are those above.
 INFO = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, CameraInfo.max_bytes)
 STATE = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, FollowState.max_bytes)
 TARGET = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, Target.max_bytes)
 POINTED = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 1, Pointed.max_bytes)
 PROGRESS = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, True, LOSSLESS_CAPACITY, Progress.max_bytes)
+# Of the robot and of a simulated world; the columns are those above.
 ODOMETRY = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Odometry.max_bytes)
 RANGES = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Ranges.max_bytes)
 DRIVE = TopicQos(_P.REAL_TIME, _DROP, True, 1, DriveState.max_bytes)
@@ -121,7 +125,7 @@ ROUTER_RULES: list[dict[str, object]] = [
         "flows": ["egress"],
     },
 ]
-"""What a live robot's router makes of messages, whoever sends them: other people's senders use
+"""What a live robot's router makes of messages of any sender: other people's senders use
 BLOCK, and Zenoh's own questions do (an answer goes as its question came). What only a lossless run
 sends with BLOCK stays as it is."""
 ROUTER_QUEUES = {"real_time": 16, "interactive_high": 8}

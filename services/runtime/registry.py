@@ -21,7 +21,9 @@ from heel.services.runtime.places import run_folder
 
 _FOLDER = "runs"
 _MAX_RUNS = 64
+"""Runs that are listed; chosen by hand."""
 _MAX_BYTES = 8192
+"""Of a note; ours have some hundred bytes."""
 
 
 class Run(BaseModel):
@@ -39,7 +41,7 @@ class Run(BaseModel):
     page: str | None = Field(None, description="address of its live page")
 
     def shown(self) -> str:
-        """One line for whoever has to choose."""
+        """One line for a user that has to choose."""
         page = f", page {self.page}" if self.page else ""
         return f"--run {self.pid} (heel {self.kind} {self.what}".rstrip() + f"{page})"
 
@@ -59,7 +61,7 @@ class Registration:
     def _write(self) -> None:
         if self._file is None:
             return
-        # Renamed into place, so that nobody reads half a note.
+        # Renamed into place, so that no reader gets half a note.
         whole = self._file.with_suffix(".new")
         whole.write_text(self._run.model_dump_json(), encoding="utf-8")
         whole.replace(self._file)

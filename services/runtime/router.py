@@ -41,19 +41,23 @@ from heel.services.runtime.shared_memory import OWN, Sweeper
 
 _LOOPBACK_NAMES = {"localhost", "ip6-localhost"}
 _PORT_ATTEMPTS = 5
-_GREETING_MS, _MOST_GREETINGS = 2000, 1000
-"""Connections that say nothing are closed after so long, and so many are greeted at once: with
-Zenoh's 10 s and 100, three thousand idle ones kept a known user out (measured)."""
+"""Free ports that are tried, as another process may take one first; chosen by hand."""
+_GREETING_MS = 2000
+"""Connections that say nothing are closed after so long: with Zenoh's 10 s, thousands of idle ones
+keep a known user out."""
+_MOST_GREETINGS = 1000
+"""Connections that are greeted at once; Zenoh's 100 are filled by idle ones."""
 _SMALL_QUERIES = {
     "id": "small-queries", "messages": ["query"], "flows": ["ingress"], "key_exprs": ["**"],
     "size_limit": 1 << 16,
 }  # fmt: skip
-"""Zenoh keeps up to 256 queries for who answers them; ours have less than 4 kB."""
+"""Zenoh keeps up to 256 queries for the one that answers them; ours have less than 4 kB."""
 _SWEEP_PERIOD_S = 1.0
+"""Seconds between two looks for memory that dead processes left; chosen by hand."""
 
 
 class RouterSettings(StrictSettings):
-    """Where the router listens and whom it lets in."""
+    """Where the router listens and which users it lets in."""
 
     listen: Endpoints = Field(
         ("tcp/127.0.0.1:7447",), description="endpoints to listen on, comma separated"
@@ -74,7 +78,7 @@ def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Con
     """Build the configuration of a router session.
 
     Args:
-        settings: where it listens and whom it lets in.
+        settings: where it listens and which users it lets in.
         lossless: whether it serves a run in which nothing may be dropped, and no robot.
 
     Raises:
@@ -127,9 +131,9 @@ def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Con
 
 
 def check_users_file(file: Path) -> None:
-    """Refuse a users file that lets in everybody, or whom nobody meant.
+    """Refuse a users file that lets in all, or users that were not meant.
 
-    Zenoh asks nobody for a password if the file names no user.
+    Zenoh asks for no password if the file names no user.
 
     Raises:
         SettingsError: it cannot be read, others may write it, a line is not `user:password`, or
@@ -229,7 +233,7 @@ def open_private_router(
         try:
             session = zenoh.open(router_config(settings, lossless))
         except zenoh.ZError:
-            # Somebody took the port between the probe and the router.
+            # Another process took the port between the probe and the router.
             if attempt == _PORT_ATTEMPTS - 1:
                 raise HeelError("router: no free loopback port in five attempts") from None
             continue

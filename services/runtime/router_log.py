@@ -20,6 +20,7 @@ ZENOH_FILTER = (
     "error,zenoh_transport::unicast::establishment::accept=debug,zenoh_link_tcp::unicast=debug"
 )
 _MOST_LINE_CHARACTERS = 500
+"""Of a line of Zenoh's that is read; chosen by hand."""
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _CONNECTED = re.compile(r"Accepted TCP connection on \S+: (\S+)")
 _REFUSED = re.compile(r"UsrPwd extension - Recv \w+\. ([^.]+)\.")

@@ -18,8 +18,12 @@ _AT_ONCE = 64
 _SMALL_GAP = 8
 """Messages that may be left out without a second thought: waiting for them again takes less than a
 second at any rate that is driven by."""
-_MOST_CANDIDATES, _MOST_FORMER = 16, 64
+_MOST_CANDIDATES = 16
+"""Leaps that may turn out to be a new start; bounds the memory. Chosen by hand."""
+_MOST_FORMER = 64
+"""Former starts that are remembered; bounds the memory. Chosen by hand."""
 _MOST_MISSING = 2**63 - 1
+"""Greatest count that a message of health can hold."""
 
 Name = int | str
 
@@ -100,7 +104,7 @@ class SequenceWatch:
 
     def _go_on(self, line: _Line, seq: int, now_s: float) -> None:
         gap = seq - line.seq - 1
-        # What comes next from within a large gap shows that the leap was somebody else's.
+        # What comes next from within a large gap shows that the leap was another sender's.
         self._before = line if gap > _SMALL_GAP else None
         self.missing = min(self.missing + gap, _MOST_MISSING)
         self._line = _Line(line.name, seq, now_s, proven=True)

@@ -121,8 +121,8 @@ class ServiceContext(Generic[S]):
     def surviving(self, what: str) -> Iterator[None]:
         """Around the work on one message: whatever it raises costs that message, not the service.
 
-        A core is meant to bound what it computes from accepted input; where it does not, somebody's
-        one odd message must not stop everybody's frames. It is said in health, and in the log with
+        A core is meant to bound what it computes from accepted input; where it does not, one
+        odd message must not stop all frames. It is said in health, and in the log with
         the place in the code.
         """
         try:
@@ -144,7 +144,7 @@ class ServiceContext(Generic[S]):
         self.stop.wait(LINGER_S)
 
     def watch_for_twin(self, key: str, resources: ExitStack) -> None:
-        """Say in health if somebody else sends on a key that is this service's own."""
+        """Say in health if another process sends on a key that is this service's own."""
         TwinWatch(self.session, key, self.producer, self.statistics, self.log, resources)
 
     def publisher(self, key: str, qos: TopicQos) -> StreamPublisher:
@@ -180,7 +180,7 @@ def end_within(deadline_s: float) -> None:
 
 
 def _end_by_force() -> None:
-    # Zenoh can hang while closing a session whose router vanished; where it hung is worth a look.
+    # Zenoh can hang while closing a session without a router; where it hung is worth a look.
     sys.stderr.write("forced exit: the service did not end in time\n")
     faulthandler.dump_traceback(file=sys.stderr)
     os._exit(1)

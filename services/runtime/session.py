@@ -19,7 +19,9 @@ from heel.services.runtime.settings import ZenohSettings
 from heel.services.runtime.shared_memory import OWN, SHARED_MEMORY, full_share
 
 QUERY_TIMEOUT_S = 2.0
+"""Seconds after which a query is over where it does not say; answers take milliseconds."""
 _RETRY_PERIOD_S = 0.2
+"""Seconds between two attempts to connect; chosen by hand."""
 # A bounded kernel send buffer keeps a stop message from queueing behind frames on a slow link
 # (340 ms -> 32 ms at 20 Mbit/s) and costs nothing visible on a fast one.
 _SEND_BUFFER = "so_sndbuf=32768"
@@ -76,7 +78,7 @@ def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
     if settings.listen:
         entries.append(("listen/endpoints", list(settings.listen)))
     elif settings.mode == "peer":
-        # A peer that nobody can reach loses data silently; an ephemeral loopback port is the
+        # A peer that cannot be reached loses data silently; an ephemeral loopback port is the
         # least that works (measured).
         entries.append(("listen/endpoints", ["tcp/127.0.0.1:0"]))
     if settings.namespace:

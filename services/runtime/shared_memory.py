@@ -3,7 +3,7 @@
 A receiver maps each sender's pool and never lets go of it (Zenoh issue 2787): the pool of a sender
 that restarts stays locked in the router and in every receiver, 37 MB a restart of a 1080p camera.
 So each sender writes down which segments are its own, in a ledger on which it holds a file lock for
-as long as it lives. Everybody else looks through the ledgers once in a while: the memory of a
+as long as it lives. The others look through the ledgers once in a while: the memory of a
 sender that is gone is freed (its mappings stay valid and read as zeros), and mappings of segments
 without a name are no longer locked.
 
@@ -32,6 +32,7 @@ GRACE_S = 2.0
 """A sender is gone for so long before its memory is freed: receivers have read its last frames by
 then (a ring holds one or two of them, and the detector takes less than 0.2 s for each)."""
 WATCH_PERIOD_S = 1.0
+"""Seconds between two looks at shared memory; chosen by hand."""
 FULL_SHARE = 0.9
 """Of shared memory in use, from which on a service says so; chosen by hand."""
 LEAST_POOL_BYTES = 1 << 20
@@ -40,7 +41,11 @@ the router's as well and go by themselves."""
 _SEGMENT = re.compile(r"[0-9]{1,20}\.zenoh")
 _LEDGER = "heel-*.ledger"
 _MOST_LEDGER_BYTES = 4096
-_FALLOC_FL_KEEP_SIZE, _FALLOC_FL_PUNCH_HOLE = 1, 2
+"""Of a ledger that is read; ours name a few segments."""
+_FALLOC_FL_KEEP_SIZE = 1
+"""Of Linux, linux/falloc.h."""
+_FALLOC_FL_PUNCH_HOLE = 2
+"""Of Linux, linux/falloc.h."""
 
 
 class Ledger:
@@ -81,7 +86,7 @@ class Ledger:
             os.pwrite(self._descriptor, "\n".join(sorted(self._own)).encode(), 0)
 
     def _begin(self) -> None:
-        """Create the file, and lock it before anybody can take it for that of a dead process."""
+        """Create the file, and lock it before another can take it for that of a dead process."""
         name = f"heel-{secrets.token_hex(8)}"
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
         self._descriptor = os.open(self._folder / name, flags, 0o600)
@@ -110,7 +115,7 @@ class Sweeper:
 
         Args:
             now_s: monotonic time.
-            grace_s: 0 where nobody can be reading any more.
+            grace_s: 0 where no process can be reading any more.
         """
         try:
             return self._sweep(now_s, grace_s)
@@ -177,11 +182,11 @@ def full_share(folder: Path = SHARED_MEMORY) -> float | None:
 
 
 def remove_own_segments(folder: Path = SHARED_MEMORY) -> None:
-    """Delete the Zenoh segments that nobody but this process, which is about to end, holds.
+    """Delete the Zenoh segments that only this process, which is about to end, holds.
 
     Zenoh leaves its pools and their index behind and removes them when the next session on the
-    machine starts. Everybody who maps a segment keeps a shared lock on its file: ours can only be
-    made exclusive by the last one. Whoever goes before leaves the segment to the others.
+    machine starts. Each process that maps a segment keeps a shared lock on its file: the last
+    one alone can make its own exclusive. One that ends before leaves the segment to the rest.
     """
     for name, descriptor in _segment_descriptors(folder):
         with suppress(OSError):
@@ -196,7 +201,7 @@ def remove_own_segments(folder: Path = SHARED_MEMORY) -> None:
 
 
 def unlock_nameless(folder: Path = SHARED_MEMORY) -> None:
-    """Unlock mapped segments whose file is gone: what is locked counts against a limit.
+    """Unlock mapped segments that have no file any more: what is locked counts against a limit.
 
     The mapping itself stays: it is Zenoh's, and there is no telling whether it looks there again.
     """

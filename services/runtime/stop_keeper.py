@@ -19,6 +19,7 @@ from heel.services.runtime.settings import ServiceSettings
 from heel.services.runtime.stop_latch import StopLatch
 
 _ASK_PERIOD_S = 1.0
+"""Seconds between two questions to the others that obey the stop; chosen by hand."""
 S = TypeVar("S", bound=ServiceSettings)
 
 
@@ -27,7 +28,7 @@ class StopKeeper:
 
     A message that cannot be read engages it. Others are asked once a second for as long as the
     service runs, since a stop may have gone by while the link was down. An engagement is written
-    down in the run folder, so that it also outlives the end of everybody who holds it.
+    down in the run folder, so that it also outlives the end of all that hold it.
 
     Args:
         context: of the running service; subscribes to `follow/estop` under the name `estop`.
@@ -104,7 +105,7 @@ class StopKeeper:
         return True
 
     def publish(self) -> None:
-        """Say what holds here to everybody: it did not come over `follow/estop`."""
+        """Say what holds here to all: it did not come over `follow/estop`."""
         if self._latch.told is not None:
             self._answered.set(self._latch.told)
 
@@ -155,6 +156,6 @@ class StopKeeper:
         except FileNotFoundError:
             return None
         except (OSError, HeelError) as error:
-            # Somebody wrote down that the robot is to stand, whatever else is lost.
+            # The note says that the robot is to stand, whatever else is lost.
             self._context.log.warning("%s: %s", self._file, error)
             return EStop(engaged=True, source="a note that cannot be read")

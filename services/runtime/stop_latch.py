@@ -1,4 +1,4 @@
-"""Who holds the emergency stop, and what releases it. No transport, no clock of its own."""
+"""What holds the emergency stop, and what releases it. No transport, no clock of its own."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from collections.abc import Iterable
 from heel.schemas import EStop
 
 _REMEMBERED = 64
-"""Engagements that are known to be over; chosen by hand, nobody stops so often within a minute."""
+"""Engagements that are known to be over; chosen by hand, no user stops so often within a minute."""
 _DOUBT_S = 3.0
 """An answer without an id that was asked for so soon before or after a release may be an old one:
 longer than two deadlines of a question."""
 
 
 class StopLatch:
-    """The emergency stop as one of those who obey it holds it.
+    """The emergency stop as a process that obeys it holds it.
 
-    An engagement has an id, drawn by whoever presses; a newer engagement takes the place of an
+    An engagement has an id, drawn by the sender; a newer engagement takes the place of an
     older one. A release ends the engagement that it names and no other, so that an old release
     that is played again releases nothing. A release without id ends an engagement without id, if it
     is not older.
@@ -28,7 +28,7 @@ class StopLatch:
         self.current: EStop | None = None
         """The engagement that holds."""
         self.told: EStop | None = None
-        """What to answer who asks: the engagement, or the release that ended the last one."""
+        """What to answer to a question: the engagement, or the release that ended the last one."""
         self._over: deque[str] = deque(maxlen=_REMEMBERED)
         self._released_s = -math.inf
 
@@ -38,7 +38,7 @@ class StopLatch:
         return self.current is not None
 
     def hear(self, message: EStop, now_s: float) -> bool:
-        """Take what somebody has just said; False if it changes nothing.
+        """Take what has just been said; False if it changes nothing.
 
         Args:
             message: as it was published.
@@ -51,7 +51,7 @@ class StopLatch:
     def hear_answers(self, answers: Iterable[EStop], asked_s: float) -> bool:
         """Take what others answered when they were asked; False if it changes nothing.
 
-        An answer engages, unless its engagement is known to be over here or with another who
+        An answer engages, unless its engagement is known to be over here or with another that
         answers; it releases only what it names by its id.
         """
         answers = list(answers)
@@ -70,7 +70,7 @@ class StopLatch:
             self._engage(kept)
 
     def forget(self) -> None:
-        """Nobody who obeys holds the engagement any more: its release was missed."""
+        """No process that obeys holds the engagement any more: its release was missed."""
         if self.current is not None:
             self._note_over(self.current)
         self.current = self.told = None
@@ -91,7 +91,7 @@ class StopLatch:
     def _release(self, message: EStop, now_s: float) -> bool:
         held = self.current
         if held is None:
-            # Whoever answers later that this engagement holds has missed its end.
+            # A process that answers later that this engagement holds has missed its end.
             self._note_over(message)
             return False
         if message.id != held.id or (not message.id and message.t_ns < held.t_ns):

@@ -27,6 +27,7 @@ _CLIENT_S = 0.5
 _ROUND_S = 0.3
 """Longest wait for the drive's loop to go round: fifteen of its rounds."""
 _BACKLOG = 64
+"""Clients that may wait; chosen by hand."""
 
 
 def _socket_path(folder: Path, robot: str) -> Path:

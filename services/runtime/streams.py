@@ -1,4 +1,4 @@
-"""Judging a stream of messages: whom to believe, what is missing or malformed, and its end."""
+"""Judging a stream of messages: which sender to believe, what is missing or malformed, its end."""
 
 from __future__ import annotations
 
@@ -34,12 +34,13 @@ FORMER_S = 10.0
 """A producer that was silent and is heard again so soon is listened to again: it was held up, not
 replaced. Chosen by hand; stalls of 0.5 to 8 s were seen on busy machines."""
 _RIVAL_S = 2.0
+"""Seconds that a second sender is remembered and told of; chosen by hand."""
 _REFUSED_S = 0.5
 """Nothing but refusals for so long is a problem."""
 END_HOLD_S = 0.5
 """Nothing may follow an end for so long before it is believed."""
 _UNSEEN_HOLD_S = 5.0
-"""The same before the first frame: somebody may tell an end while a camera is about to start."""
+"""The same before the first frame: an end may be told while a camera is about to start."""
 
 M = TypeVar("M", bound=Message)
 
@@ -48,7 +49,7 @@ class ProducerGate:
     """Stays with one producer until it is stale or gone, so that a swap is one clean cut.
 
     A producer that was only held up gets its stream back: otherwise one moment of a busy machine
-    hands the stream for good to anybody who sends beside it.
+    hands the stream for good to any sender beside it.
     """
 
     def __init__(self) -> None:
@@ -83,7 +84,7 @@ class ProducerGate:
 
     def _replace(self, producer: str, now_s: float) -> None:
         if self._returns(producer, now_s):
-            # It stays the elder: whoever stood in for it does not get the stream back from it.
+            # It stays the elder: a stand-in does not get the stream back from it.
             self._former = None
         elif self.current is not None:
             self._former = self.current, now_s
@@ -141,7 +142,7 @@ class StreamJudge:
     unreadable: str = field(init=False, default="")
     """What was wrong with the last message, unless it was a rival's or nothing was."""
     unreadable_known: bool = field(init=False, default=False)
-    """Whether that message said who sent it, and was stamped later than all before: a sender that
+    """Whether that message named its sender, and was stamped later than all before: a sender that
     lives, and no replay."""
     _stamped_ns: int = field(init=False, default=0)
     _refused_since_s: float | None = field(init=False, default=None)
@@ -182,7 +183,7 @@ class StreamJudge:
         """The end of the stream, once.
 
         It has to hold: an end is told behind the last frame on the same key, so one that frames
-        follow was somebody else's. Where nothing is lost, one right behind the last frame holds at
+        follow was another sender's. Where nothing is lost, one right behind the last frame holds at
         once.
         """
         if self._ending is None:
@@ -207,7 +208,7 @@ class StreamJudge:
         Args:
             arrival: as it came.
             kind: the message expected.
-            judged: False leaves it to the caller whom to believe and what is new.
+            judged: False leaves it to the caller which sender to believe and what is new.
         """
         self.unreadable, self.unreadable_known, producer = "", False, None
         try:

@@ -1,4 +1,4 @@
-"""Two of what there may be one of: a robot has one set of wheels and one who decides."""
+"""Two of what there may be one of: a robot has one set of wheels and one follower."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from heel.services.runtime.counters import ServiceStatistics
 _LOOK_S = 0.2
 """However many messages another one sends, one in so long is looked at."""
 _LASTS_S = 2.0
+"""Seconds that health tells of a twin after its last message; chosen by hand."""
 
 
 class TwinWatch:
-    """Hears whether somebody else sends what this service sends, and says so in health.
+    """Hears whether another process sends what this service sends, and says so in health.
 
     Args:
         session: the service's; what it sends itself is not heard.
@@ -48,7 +49,7 @@ class TwinWatch:
         try:
             other = decode(Stamp, sample.attachment.to_bytes()).producer
         except MessageError:
-            # Whoever obeys this stream refuses it as well, and says so.
+            # A service that obeys this stream refuses it as well, and says so.
             return
         if other == self._producer:
             return

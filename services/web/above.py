@@ -14,6 +14,7 @@ from heel.services.web.rate import RateLimiter
 from heel.services.web.settings import WebServiceSettings
 
 _MAX_HZ = 12.0
+"""Views from above a second: the page moves people smoothly between them. Chosen by hand."""
 
 
 class ViewFromAbove:
@@ -81,7 +82,7 @@ def describe_world(world: SimWorld) -> dict[str, Any]:
 
 
 def describe_truth(truth: SimTruth) -> dict[str, Any]:
-    """Who is where, as the page draws it."""
+    """Where all are, as the page draws it."""
     return {
         "type": "sim-truth",
         "seq": truth.seq,

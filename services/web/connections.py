@@ -1,6 +1,6 @@
-"""Who may hold a connection to the page, how many of them, and for how long.
+"""Connections to the page: how many there may be, and for how long.
 
-A socket costs whoever opens it nothing. So there is an end to their number, and newcomers win: the
+A socket costs a client nothing. So there is an end to their number, and newcomers win: the
 connection that has been of no use for longest gives way. A STOP always gets in.
 """
 
@@ -23,11 +23,13 @@ from heel.services.runtime.logs import OncePerSecond
 IDLE_S = 5.0
 """A connection that asks for nothing, or takes longer to ask, is closed."""
 _STUCK_S = 6.0
-"""Nor does any answer take so long; whoever does not read theirs is let go."""
+"""Nor does any answer take so long; a client that does not read its own is let go."""
 _SWEEP_S = 1.0
+"""Seconds between two looks for connections that are to be closed; chosen by hand."""
 MOST_CONNECTIONS = 256
 """Far more than 64 viewers need, far fewer than the 1,024 descriptors of most processes."""
 _DESCRIPTORS = 4096
+"""Open files that are asked for: connections, pictures and room to spare. Chosen by hand."""
 
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -63,10 +65,10 @@ class Connections:
         return len(self._open)
 
     def enter(self, connection: Connection) -> None:
-        """Somebody has connected; somebody else may have to go."""
+        """A client has connected; another one may have to go."""
         self._open[connection] = time.monotonic()
         while len(self._open) > self._most:
-            # Whoever has come just now is the last to go.
+            # The newest client is the last to go.
             longest = next((one for one in self._open if one not in self._kept), connection)
             self.warn.warning(
                 "connections", f"more than {self._most} connections: the idlest one is closed",
@@ -110,13 +112,13 @@ class Connections:
 
     def _end(self, connection: Connection) -> None:
         self.leave(connection)
-        # Not closed but aborted: what somebody does not read would keep it open.
+        # Not closed but aborted: what the client does not read would keep it open.
         if connection.transport is not None:
             connection.transport.abort()
 
 
 class Connection(RequestHandler):
-    """One connection, as aiohttp serves it, that is counted and whose errors are one line."""
+    """One connection, as aiohttp serves it, that is counted and has errors of one line."""
 
     __slots__ = ("_connections",)
 
@@ -125,7 +127,7 @@ class Connection(RequestHandler):
         self._connections = connections
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Somebody has connected."""
+        """A client has connected."""
         super().connection_made(transport)
         self._connections.enter(self)
 

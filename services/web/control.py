@@ -25,9 +25,12 @@ from heel.services.web.settings import WebServiceSettings
 from heel.services.web.worker import BusyError, Worker
 
 _MAX_ERROR_TEXT = 300
+"""Characters of a refusal that the page shows; chosen by hand."""
 _MAX_WAITING = 8
+"""Requests of a kind that may wait; more are refused as busy. Chosen by hand."""
 _HERE_S = 0.5
-# What Zenoh itself puts in an error reply when nobody answered in time.
+"""Seconds that a drive on this machine has to answer; it takes milliseconds."""
+# What Zenoh itself puts in an error reply when no answer came in time.
 _ZENOH_TIMEOUT = "Timeout"
 
 
@@ -36,7 +39,7 @@ class TargetRefusedError(HeelError):
 
 
 class NoFollowerError(HeelError):
-    """Nobody answered."""
+    """No answer came."""
 
 
 class RouterAwayError(HeelError):
@@ -78,7 +81,7 @@ class Control:
 
     @property
     def connected(self) -> bool:
-        """Whether a router, or in peer mode anybody, is connected at present."""
+        """Whether a router, or in peer mode any peer, is connected at present."""
         info = self._session.info
         return bool(info.routers_zid() or info.peers_zid())
 
@@ -110,7 +113,7 @@ class Control:
         raise TargetRefusedError(refusal)
 
     def stop_is_asked_for(self) -> None:
-        """Somebody wants a stop: from now on no resume that was asked for before it counts."""
+        """A stop is wanted: from now on no resume that was asked for before it counts."""
         with self._lock:
             self.stops_asked_for += 1
 
@@ -132,7 +135,7 @@ class Control:
         """Release the emergency stop.
 
         Args:
-            who: asks.
+            who: the client that asks.
             stops_before: `stops_asked_for` when they did.
 
         Raises:
@@ -154,7 +157,7 @@ class Control:
         self._log.warning("resume by %s", who)
 
     def look_after_stop(self, now_s: float) -> None:
-        """Ask who holds a stop, and say one again that nobody has confirmed; returns at once."""
+        """Ask which stops are held, and repeat one that is not confirmed; returns at once."""
         asked_s = self._others.asked_s
         answers = self._others.poll(now_s)
         with self._lock:

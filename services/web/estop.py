@@ -10,11 +10,13 @@ from heel.schemas import EStop
 from heel.services.runtime.stop_latch import StopLatch
 
 REPEAT_AFTER_S = 0.2
+"""Seconds after which an unconfirmed stop is said again; chosen by hand."""
 _FRESH_S = 1.0
 """A word of the robot counts so long: five of a follower's."""
 _KNOWN_S = 10.0
 """A part that has said something within this time is expected to answer."""
 _MISSED_STOP_S = 1.0
+"""So long drive and follower hold a stop that the page does not know of until it believes them."""
 _MISSED_RELEASE_S = 4.0
 """So long drive and follower contradict the page until it believes that it has missed something.
 Both ask one another once a second: what only the page holds they would have taken from it."""
@@ -26,7 +28,7 @@ class PageStop:
     """Follows the emergency stop; a stop asked for here is repeated until it is confirmed.
 
     A STOP pressed while the router is away must not get lost: it stays pending and goes out as
-    soon as somebody can hear it. A resume is never repeated.
+    soon as it can be heard. A resume is never repeated.
     """
 
     def __init__(self) -> None:
@@ -39,12 +41,12 @@ class PageStop:
 
     @property
     def told(self) -> EStop | None:
-        """What to answer to those who ask."""
+        """What to answer to a question."""
         return self._latch.told
 
     @property
     def source(self) -> str:
-        """Who engaged or released it."""
+        """The source that engaged or released it."""
         return "" if self._latch.told is None else self._latch.told.source
 
     def engaged(self, now_s: float) -> bool:
@@ -52,12 +54,12 @@ class PageStop:
         return self._latch.engaged or self._any_stands(now_s)
 
     def engage(self, message: EStop, now_s: float) -> None:
-        """Somebody pressed STOP on the page."""
+        """STOP was pressed on the page."""
         self.hear(message, now_s)
         self._pressed, self._pressed_s, self._said_s = message, now_s, now_s
 
     def hear(self, message: EStop, now_s: float) -> None:
-        """A stop or a release went over `follow/estop`, whoever sent it."""
+        """A stop or a release went over `follow/estop`, from any sender."""
         self._latch.hear(message, now_s)
         self._odd_since_s = None
         if not self._latch.engaged:
@@ -111,7 +113,7 @@ class PageStop:
         return None
 
     def pending(self) -> EStop | None:
-        """The stop asked for here that nobody has confirmed."""
+        """The stop asked for here that is not confirmed."""
         return self._pressed
 
     def pending_s(self, now_s: float) -> float | None:

@@ -17,6 +17,7 @@ from heel.schemas import FollowState, Track
 from heel.services.web.joiner import Joined
 
 FORMAT_VERSION = 1
+"""Of the header; goes up when an old page would misread a new one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ class ViewFrame:
 
 
 def describe(joined: Joined, state: FollowState | None, age_s: float) -> dict[str, Any]:
-    """The header of a frame: which one it is, its people, and who of them is the target.
+    """The header of a frame: which one it is, its people, and which of them is the target.
 
     Args:
         joined: the frame.
@@ -66,7 +67,7 @@ def describe(joined: Joined, state: FollowState | None, age_s: float) -> dict[st
 
 
 def _pending(state: FollowState | None) -> list[float] | None:
-    """Where somebody is looked for who was pointed at, pixels."""
+    """Where a person that was pointed at is looked for, pixels."""
     if state is None or state.pending_point_px is None:
         return None
     return [round(side, 1) for side in state.pending_point_px]

@@ -40,10 +40,15 @@ STATIC_FILES = {
     "icon.svg": "image/svg+xml",
 }
 HUNG_S = 2.0
+"""Seconds without a turn of the service loop from which the page says that it hangs."""
 _BODY_TIMEOUT_S = 2.0
+"""Seconds that a client has to send a request's body; chosen by hand."""
 _STOP_TIMEOUT_S = 1.0
+"""Seconds until STOP is answered, sent or not; it takes milliseconds."""
 _SNAPSHOT_TIMEOUT_S = 2.0
+"""Seconds that a snapshot waits for a picture; chosen by hand."""
 _HEARTBEAT_S = 5.0
+"""Seconds between two signs of life on an idle stream; chosen by hand."""
 _Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -101,7 +106,7 @@ class Site:
         return web.json_response(status | {"status_age_s": round(age_s, 3)})
 
     async def _snapshot(self, _request: web.Request) -> web.Response:
-        # Takes none of the viewers' places: everybody who waits gets the same picture.
+        # Takes none of the viewers' places: all that wait get the same picture.
         frame = await self.hub.next_frame(_SNAPSHOT_TIMEOUT_S)
         if frame is None:
             return _error(503, f"no picture within {_SNAPSHOT_TIMEOUT_S:g} s: is capture running?")

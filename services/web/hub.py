@@ -54,7 +54,7 @@ class Hub:
         self._waiting = 0
         self._awaited: asyncio.Future[ViewFrame] | None = None
         self.watched = False
-        """Read by the service loop: while nobody looks nothing is coded."""
+        """Read by the service loop: while no viewer is there nothing is coded."""
 
     def attach(self, loop: asyncio.AbstractEventLoop | None) -> None:
         """Deliver into this loop from now on; None stops that."""

@@ -90,7 +90,7 @@ class FrameJoiner:
         return []
 
     def due(self, now_s: float) -> list[Joined]:
-        """Frames whose tracks did not come within the deadline."""
+        """Frames that no tracks came for within the deadline."""
         late: list[Joined] = []
         while self._images:
             key, image = next(iter(self._images.items()))

@@ -10,6 +10,7 @@ from heel.schemas import MessageError
 from heel.schemas.image import JPEG, RAW, check_jpeg, decode_image, encode_image
 from heel.services.web.joiner import HeldImage
 
+# Factors by which a JPEG can be decoded smaller, the greatest first.
 _REDUCED = (
     (8, cv2.IMREAD_REDUCED_COLOR_8),
     (4, cv2.IMREAD_REDUCED_COLOR_4),

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from heel.schemas import HeelError, TargetRequest
 
 MAX_BODY_BYTES = 4096
+"""Of a request; ours have less than 200."""
 _TARGET_KEYS = frozenset(TargetRequest.model_fields) - {"v"}
 
 

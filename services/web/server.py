@@ -19,9 +19,13 @@ from heel.services.web.handlers import SOCKETS, Site
 from heel.services.web.hub import Hub
 
 _START_DEADLINE_S = 5.0
+"""Seconds that the server's thread has to start; chosen by hand."""
 _BACKLOG = 128
+"""Connections that may wait to be accepted; chosen by hand."""
 _STOP_DEADLINE_S = 1.0
+"""Seconds that the server's thread has to end: below the deadline of the process."""
 _CLOSE_DEADLINE_S = 0.3
+"""Seconds that open streams have to close; chosen by hand."""
 
 
 def listen(host: str, port: int) -> socket.socket:

@@ -54,8 +54,11 @@ _STALE_AFTER_S = 1.0
 """The page warns when no picture came for so long: longer than any hiccup of a network."""
 
 _STATUS_PERIOD_S = 0.2
+"""Seconds between two messages of state to the page; chosen by hand."""
 _ROUTER_PERIOD_S = 0.2
+"""Seconds between two looks whether the router is there; chosen by hand."""
 _RECONNECT_S = 2.0
+"""Seconds after the router is back in which clients come back, too: they take less than one."""
 # Deeper than for a detector, so that a burst after a pause still meets its tracks.
 _IMAGE_QOS = replace(qos.IMAGE, capacity=8)
 _TRACKS_QOS = replace(qos.TRACKS, capacity=16)
@@ -128,12 +131,12 @@ class WebService:
         self._hub.put_note("status", self._status(now_s))
 
     def _report(self, now_s: float) -> None:
-        """Say in this service's own health, too, who is missing: whoever asks later learns it."""
+        """Say in this service's own health, too, which parts are missing: it may be asked later."""
         words = "; ".join(one.words for one in self._problems(now_s))
         self._context.statistics.problem("chain", words[:400] or None)
 
     def _problems(self, now_s: float) -> list[Problem]:
-        # While the router is away nothing is known of anybody; clients are back within a second.
+        # While the router is away nothing is known of any part; clients are back within a second.
         known = self._router and now_s - self._router_back_s > _RECONNECT_S
         return self._board.problems(now_s) if known else []
 

@@ -11,9 +11,13 @@ from heel.services.runtime.logs import printable
 NOTICE = "notice"
 """The detail of a service's health that the page shows, marked as that service's."""
 _NOTICE_LENGTH = 200
+"""Characters of a notice that the page shows; chosen by hand."""
 _MAX_NOTICES = 3
+"""Notices that the page shows at once; chosen by hand."""
 _DRIVE_SILENT_S = 0.5
+"""Seconds that a word of the drive counts; it says 50 a second."""
 _FORGET_AFTER_S = 60.0
+"""Seconds after which a part that is gone is not shown any more; chosen by hand."""
 _SETTLED_S = 3.0
 """How long after its start the page may still be hearing of parts for the first time."""
 
@@ -22,7 +26,7 @@ class StatusBoard:
     """Collects the last word of every service and puts ages to it.
 
     Args:
-        camera: whose stream is shown.
+        camera: name of the camera that is shown.
         stale_after_s: age at which the page is to warn.
         own: producer name of the web service itself.
     """
@@ -38,7 +42,7 @@ class StatusBoard:
         self._unconfirmed_s: float | None = None
         self._started_s: float | None = None
         self.watch = ChainWatch(own)
-        """Who is there."""
+        """The parts that are there."""
         self.follower: FollowState | None = None
         """The follower's last word."""
 
@@ -74,7 +78,7 @@ class StatusBoard:
         self.watch.hear(health, now_s)
 
     def problems(self, now_s: float) -> list[Problem]:
-        """Who is gone, silent or there twice; what ends with its stream is not missed."""
+        """Parts that are gone, silent or there twice; what ends with its stream is not missed."""
         if self._started_s is None:
             self._started_s = now_s
         found = self.watch.problems(now_s)
@@ -87,7 +91,7 @@ class StatusBoard:
         return [] if self.has_ended else found
 
     def stop(self, engaged: bool, now_s: float) -> dict[str, Any]:
-        """What became of an emergency stop: who has confirmed it, and how long nobody has.
+        """What became of an emergency stop: which parts have confirmed it, and how long none has.
 
         The drive's word counts wherever a drive was ever heard; the follower's where none was.
         """
@@ -175,7 +179,7 @@ class StatusBoard:
         }
 
     def _notices(self, now_s: float) -> list[dict[str, str]]:
-        """What services want to have said to whoever looks, while they live."""
+        """What services want to have said on the page, while they live."""
         told = [
             {"service": part.health.service,
              "text": printable(part.health.details[NOTICE], _NOTICE_LENGTH)}

@@ -20,10 +20,10 @@ WITHOUT_REASON = {
     "services/geometry": 0,
     "services/loops": 33,
     "services/run": 18,
-    "services/runtime": 51,
+    "services/runtime": 0,
     "services/simulator": 0,
     "services/tracker": 120,
-    "services/web": 27,
+    "services/web": 0,
 }
 """Named numbers of a room that no text explains. The goal is 0: lower these, never raise them."""
 
