@@ -32,7 +32,6 @@ VARIANTS = {
     "people learned as background (protect)": "[detector]\nprotect = false\n",
     "without the search for ghosts (dissolve_ghosts)": "[detector]\ndissolve_ghosts = false\n",
     "first frame is background (startup_s)": "[detector]\nstartup_s = 0.0\n",
-    "OpenCV's MOG2 (detector)": '[detector]\ndetector = "mog2"\n',
 }
 """What is changed, and how."""
 WITH_CALIBRATION = "scale from a calibration file (calibration)"

@@ -22,9 +22,9 @@ from benchmarks.common import Figure, Json, Write, data_folder, publish, write_j
 from heel.schemas import FrameId
 from heel.schemas.errors import HeelError
 from heel.services.detector.background.evidence import smoothed
-from heel.services.detector.camera_motion import EgoMotion
+from heel.services.detector.scene import WorkSize
 from heel.services.detector.settings import DetectorSettings
-from heel.services.detector.work_size import WorkSize
+from heel.services.geometry.picture_motion import EgoMotion
 from heel.services.loops.panning.scripted import panning, scripted_frames
 from heel.services.pipeline import InProcessPipeline, RecordedFrames
 from heel.services.runtime import process

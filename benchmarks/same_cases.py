@@ -53,7 +53,7 @@ from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World
 from heel.services.tracker.given_boxes.sequence import track_sequence
 from heel.services.tracker.settings import TrackerSettings
-from tests.unit.detector.drawn_networks import red_finder
+from tests.unit.networks.drawn_networks import red_finder
 
 TRACKS, COMMANDS = "tracks.txt", "commands.csv"
 POSES, OUTCOMES = "poses.csv", "outcomes.csv"

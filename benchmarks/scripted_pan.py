@@ -1,9 +1,9 @@
 """A window that moves over PETS09-S2L1 by a script: its table of docs/records/moving-camera.md.
 
 The window is all that detector and tracker see. It goes after one person by the ground truth, or
-from border to border; the protocol is that of `evaluation/panning/scripted.py`. MOG2, whose
-background stands still, is the comparison. Every run but the comparison's has other noise several
-times over: how a scene's scale is learned hangs on details.
+from border to border; the protocol is that of `services/loops/panning/scripted.py`. `mixture`,
+whose background stands still, is the comparison. Every run but the comparison's has other noise
+several times over: how a scene's scale is learned hangs on details.
 
 Example run: python -m benchmarks.scripted_pan --write docs/records/moving-camera.md
 """
@@ -28,7 +28,7 @@ from heel.services.runtime.command_line import run_app
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 SEQUENCE, WINDOW = "PETS09-S2L1", (384, 288)
 SCRIPTS: dict[str, Script] = {"follows a person": following, "pans": panning}
-COMPARISON = "mog2"
+COMPARISON = "mixture"
 SEEDS = (3, 4, 5, 6)
 HEAD = ("window", "px/frame", "detector", "runs", "MOTA", "worst", "IDF1", "IDsw", "FP", "FN",
         "boxes", "keep%", "wrong%")  # fmt: skip
@@ -69,7 +69,7 @@ def measure(sequence: Path, detectors: Sequence[str]) -> tuple[list[str], list[F
 
 @app.command()
 def main(
-    detector: Annotated[list[str] | None, typer.Option(help="these instead of ego, mog2")] = None,
+    detector: Annotated[list[str] | None, typer.Option(help="instead of ego, mixture")] = None,
     write: Write = None,
     json: Json = None,
 ) -> None:

@@ -11,10 +11,9 @@ from heel.schemas import Blobs, FrameId, Pointed, SettingsError, Tracks
 from heel.services.detector.auto import AutoDetector
 from heel.services.detector.background.detector import BackgroundDetector
 from heel.services.detector.background.foreground import MovingForeground, StandingForeground
-from heel.services.detector.interface import Frame, FrameDetector
+from heel.services.detector.interface import Frame, FrameDetector, added_detector, added_names
 from heel.services.detector.mog2 import Mog2Foreground
 from heel.services.detector.neural.detector import NeuralDetector
-from heel.services.detector.plugins import added_detector, added_names
 from heel.services.detector.settings import BUILT_IN, DetectorSettings
 
 

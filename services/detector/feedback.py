@@ -8,17 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas import FrameId, Track, Tracks
-from heel.services.detector.camera_motion import Affine
-from heel.services.detector.work_size import WorkSize
+from heel.services.detector.scene import WorkSize
+from heel.services.geometry.picture_motion import Affine
 
-_KEPT_FRAMES = 64
-"""More than the largest lag."""
-_MARGIN_SIDE = 0.25
-"""Of a protected box, widths: arms swing beyond it; chosen by hand."""
-_MARGIN_ABOVE = 0.08
-"""Heights: hair reaches beyond the box; chosen by hand."""
-_MARGIN_BELOW = 0.06
-"""Heights: feet reach beyond the box; chosen by hand."""
+_KEPT_FRAMES = 64  # more than the largest lag
+_MARGIN_SIDE = 0.25  # of a protected box, widths: arms swing beyond it; chosen by hand
+_MARGIN_ABOVE = 0.08  # heights: hair reaches beyond the box; chosen by hand
+_MARGIN_BELOW = 0.06  # heights: feet reach beyond the box; chosen by hand
 
 
 class FeedbackBuffer:

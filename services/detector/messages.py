@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from heel.schemas import Blob, Blobs, CameraMotion, Patch
 from heel.schemas.base import BoxXyxy
 from heel.services.detector.background.evidence import Region
-from heel.services.detector.camera_motion import MotionEstimate
 from heel.services.detector.interface import Frame
-from heel.services.detector.work_size import WorkSize
+from heel.services.detector.scene import WorkSize
+from heel.services.geometry.picture_motion import MotionEstimate
 
 PATCH_BUDGET_BYTES = 700_000
 """For all patches of a message; leaves room for evidence (250 kB) under its cap of 1 MiB."""

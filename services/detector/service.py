@@ -30,8 +30,7 @@ from heel.services.runtime.streams import StreamJudge
 _FEEDBACK_TIMEOUT_S = 2.0
 """Longest wait of a lossless run for the tracks of an earlier frame: a tracker takes milliseconds,
 one that has ended never answers."""
-_POLL_S = 0.2
-"""Longest wait at once, so that a stop is noticed."""
+_POLL_S = 0.2  # longest wait at once, so that a stop is noticed
 
 
 class DetectorService:

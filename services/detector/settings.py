@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from heel.schemas.errors import SettingsError
-from heel.services.detector.plugins import checked_options
+from heel.services.detector.interface import checked_options
 from heel.services.runtime.settings import ServiceSettings
 
 Preset = Literal["default", "paper"]
@@ -34,7 +34,8 @@ _USED_BY: dict[str, tuple[str, ...]] = {
     "startup_s": ("auto", "mixture"),
     "dissolve_ghosts": _LEARNED,
     "min_blob_area_px": _LEARNED,
-    "protect": (*_LEARNED, "mog2"),
+    "protect": _LEARNED,
+    "feedback_lag_frames": (*_LEARNED, "onnx"),
     "options": (),
 }
 """Settings that not every built-in method reads, and those that do."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.processes import finished
-from tests.unit.detector.drawn_networks import red_finder
+from tests.unit.networks.drawn_networks import red_finder
 
 pytest.importorskip("onnx")
 SCENE = "scene:crossing?frames=40&width=320&height=240"

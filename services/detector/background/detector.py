@@ -10,9 +10,8 @@ from heel.schemas.blobs import MAX_BLOBS
 from heel.services.detector.background.evidence import Foreground
 from heel.services.detector.interface import Frame
 from heel.services.detector.messages import blobs_message, region_blobs
-from heel.services.detector.scene import Scenes
+from heel.services.detector.scene import Scenes, WorkSize
 from heel.services.detector.settings import DetectorSettings
-from heel.services.detector.work_size import WorkSize
 
 
 class BackgroundDetector:

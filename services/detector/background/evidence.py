@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from heel.schemas import FrameId, Tracks
 from heel.schemas.blobs import FOREGROUND
-from heel.services.detector.camera_motion import Affine, MotionEstimate, compose
+from heel.services.geometry.picture_motion import Affine, MotionEstimate, compose
 
 Indices = NDArray[np.intp]
 """Positions in a flattened map, ascending."""
@@ -24,18 +24,14 @@ Indices = NDArray[np.intp]
 _SPAN_S = 0.12
 """Between two frames that are compared: the outline of a walking person has moved by several
 working pixels, a standing camera has not."""
-_JITTER = 0.95
-"""Of the span: frame times jitter, so a frame that is 5 % too young will do."""
-_MOST_FRAMES = 64
-"""Kept for comparison: more than the span holds at any frame rate."""
+_JITTER = 0.95  # of the span: frame times jitter, so a frame that is 5 % too young will do
+_MOST_FRAMES = 64  # kept for comparison: more than the span holds at any frame rate
 _LEAST_DIFFERENCE = 8.0
 """Grey levels that are no movement in a picture without noise; chosen by hand."""
 _NOISE_FACTOR = 4.0
 """Of the median difference, the noise of the camera, on top of that; chosen by hand."""
-_MEDIAN_PX = 5
-"""Median filter over labels: single pixels are noise."""
-_SPECKS = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
-"""Opening of what moves."""
+_MEDIAN_PX = 5  # median filter over labels: single pixels are noise
+_SPECKS = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))  # opening of what moves
 _GAPS = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 7))
 """Closing of foreground: bodies are cut across, by belts and shadows, more than down."""
 

@@ -25,13 +25,12 @@ from heel.services.detector.background.evidence import (
 )
 from heel.services.detector.background.learning import GhostFinder, LateFrames, StillnessGate
 from heel.services.detector.background.pixel_model import MovingBackground, StandingBackground
-from heel.services.detector.camera_motion import CameraPath, EgoMotion, MotionEstimate
 from heel.services.detector.feedback import free_mask
+from heel.services.detector.scene import WorkSize
 from heel.services.detector.settings import DetectorSettings
-from heel.services.detector.work_size import WorkSize
+from heel.services.geometry.picture_motion import CameraPath, EgoMotion, MotionEstimate
 
-_GHOST_FRAMES = 3
-"""Ghosts are looked for in every third frame: they stay, and looking takes time."""
+_GHOST_FRAMES = 3  # ghosts are looked for in every third frame: they stay, and looking takes time
 _LEARNING_FRAMES = 4
 """Frames after which a moving background is to be believed: pixels are known after three."""
 _LOST_FRAMES = 5

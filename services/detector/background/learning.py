@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from heel.schemas import FrameId, Tracks
 from heel.schemas.blobs import FOREGROUND, NONE
 from heel.services.detector.background.evidence import Indices, indices_of
-from heel.services.detector.camera_motion import Affine
 from heel.services.detector.feedback import free_mask, shift_s
-from heel.services.detector.work_size import WorkSize
+from heel.services.detector.scene import WorkSize
+from heel.services.geometry.picture_motion import Affine
 
-_SETTLE_S = 0.16
-"""A pixel that has been still for this long is background; chosen by hand."""
-_KNOWN_SHARE = 0.9
-"""Of the pixels: with fewer the background is not to be believed; chosen by hand."""
+_SETTLE_S = 0.16  # a pixel that has been still for this long is background; chosen by hand
+_KNOWN_SHARE = 0.9  # of the pixels: with fewer the background is not to be believed; chosen by hand
 _HALF_A_PERSON = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (9, 17))
 """At working size: plain clothes move unseen between their edges."""
 _MAX_SHIFT_S = 1.0
@@ -33,13 +31,11 @@ _SPARE_FRAMES = 6
 """A tracker may be late by so many frames before a frame is learned without its tracks."""
 _GHOST_EDGES = 0.6
 """A region is suspected when more of the edge strength on its outline is the background's."""
-_GHOST_AFTER_S = 0.4
-"""Suspected for this long, it is a ghost; chosen by hand."""
-_RING = np.ones((5, 5), np.uint8)
-"""Width of an outline, working pixels."""
+_GHOST_AFTER_S = 0.4  # suspected for this long, it is a ghost; chosen by hand
+_RING = np.ones((5, 5), np.uint8)  # width of an outline, working pixels
 _SPECKS = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 7))
 """Opening before outlines are looked at."""
-_NOTHING = np.zeros(0, np.intp)
+_NOTHING = np.zeros(0, np.intp)  # no pixel
 
 
 class StillnessGate:

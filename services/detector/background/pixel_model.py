@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from heel.schemas.blobs import FOREGROUND, SHADOW
 from heel.services.detector.background.evidence import Indices, Learned, indices_of
-from heel.services.detector.camera_motion import Affine
+from heel.services.geometry.picture_motion import Affine
 
 FloatMap = NDArray[np.float32]
 
@@ -28,11 +28,9 @@ LEARNING_RATE_PER_S = 0.14
 """How fast a standing background follows the picture: daylight takes longer than 7 s to change."""
 DARKEST_SHADOW = 0.7
 """Share of the background's brightness down to which a darker pixel may be a shadow on it."""
-_BRIGHTEST_SHADOW = 0.97
-"""Lighter than this share it is no shadow but noise; chosen by hand."""
-_VARIANCE_CEILING = 900.0
-"""Grey levels squared: a pixel that varies more would accept any colour."""
-_MEAN_OF_CHANNELS = np.full((1, 3), 1.0 / 3.0, np.float32)
+_BRIGHTEST_SHADOW = 0.97  # lighter than this share it is no shadow but noise; chosen by hand
+_VARIANCE_CEILING = 900.0  # grey levels squared: a pixel that varies more would accept any colour
+_MEAN_OF_CHANNELS = np.full((1, 3), 1.0 / 3.0, np.float32)  # as `cv2.transform` takes it
 
 
 class PixelModel:
@@ -95,18 +93,12 @@ class StandingBackground(PixelModel):
     higher. OpenCV's MOG2 has one learning rate for the whole frame; here each pixel may wait.
     """
 
-    _INITIAL_VARIANCE = 25.0
-    """Grey levels squared; chosen by hand."""
-    _VARIANCE_FLOOR = 9.0
-    """Grey levels squared: camera noise on quiet pixels is no foreground."""
-    _SHADOW_CHROMA2 = 81.0
-    """Grey levels squared; chosen by hand."""
-    _RESTART_WEIGHT = 0.1
-    """Low, so that a wrong restart is soon challenged; chosen by hand."""
-    _RESUMED_FRAMES = 25
-    """Age that the background of another model counts as: a second of video."""
-    _FASTEST_RATE = 0.5
-    """Share of one frame in the mean, however long the last one is ago."""
+    _INITIAL_VARIANCE = 25.0  # grey levels squared; chosen by hand
+    _VARIANCE_FLOOR = 9.0  # grey levels squared: camera noise on quiet pixels is no foreground
+    _SHADOW_CHROMA2 = 81.0  # grey levels squared; chosen by hand
+    _RESTART_WEIGHT = 0.1  # low, so that a wrong restart is soon challenged; chosen by hand
+    _RESUMED_FRAMES = 25  # age that the background of another model counts as: a second of video
+    _FASTEST_RATE = 0.5  # share of one frame in the mean, however long the last one is ago
     _CHALLENGER_RATE = 0.1
     """Least share of one frame in the challenger's mean: its colour is found in some ten frames."""
 
@@ -197,18 +189,13 @@ class MovingBackground(PixelModel):
 
     _INITIAL_VARIANCE = 150.0
     """Grey levels squared, high: one frame of a moving camera says little; chosen by hand."""
-    _VARIANCE_FLOOR = 20.0
-    """Grey levels squared: interpolation adds to the camera noise."""
-    _LEARNED_FLOOR = 4.0
-    """Least squared distance that is learned as variance, grey levels squared."""
-    _SHADOW_CHROMA2 = 144.0
-    """Grey levels squared; chosen by hand."""
+    _VARIANCE_FLOOR = 20.0  # grey levels squared: interpolation adds to the camera noise
+    _LEARNED_FLOOR = 4.0  # least squared distance that is learned as variance, grey levels squared
+    _SHADOW_CHROMA2 = 144.0  # grey levels squared; chosen by hand
     _SLOWEST_RATE = 0.05
     """Share of one frame in the mean of an old pixel: errors of warping are to be forgotten."""
-    _FOREGROUND_SHARE = 0.2
-    """Of the learning rate, on foreground that no confirmed person explains."""
-    _WARP_ERROR_PX = 0.5
-    """How far a warp is off; chosen by hand."""
+    _FOREGROUND_SHARE = 0.2  # of the learning rate, on foreground that no confirmed person explains
+    _WARP_ERROR_PX = 0.5  # how far a warp is off; chosen by hand
     _RESUMED_FRAMES = 20.0
     """Age of pixels taken over from a standing background: 1 / `_SLOWEST_RATE`."""
     KNOWN_FRAMES = 3.0

@@ -14,21 +14,22 @@ from numpy.typing import NDArray
 from heel.schemas import Blobs, SettingsError, Tracks
 from heel.schemas.blobs import MAX_BLOBS
 from heel.services.detector.background.evidence import smoothed
-from heel.services.detector.camera_motion import CameraPath, EgoMotion, MotionEstimate
 from heel.services.detector.feedback import free_mask
 from heel.services.detector.interface import Frame
 from heel.services.detector.messages import blobs_message, camera_motion, person_blobs
-from heel.services.detector.neural.attention import Attention
-from heel.services.detector.neural.between import Between, Seen
-from heel.services.detector.neural.budget import Budget
-from heel.services.detector.neural.expectation import confirmed_people, newcomers
-from heel.services.detector.neural.known_files import doubtful
-from heel.services.detector.neural.looking import look, nobody, together
-from heel.services.detector.neural.model import Detections, PersonModel
-from heel.services.detector.neural.views import View, Views
-from heel.services.detector.scene import Scene, Scenes
+from heel.services.detector.neural.between import (
+    Between,
+    SeenPerson,
+    confirmed_people,
+    newcomers,
+)
+from heel.services.detector.neural.views import Attention, View, Views, look, nobody, together
+from heel.services.detector.scene import Scene, Scenes, WorkSize
 from heel.services.detector.settings import DetectorSettings
-from heel.services.detector.work_size import WorkSize
+from heel.services.geometry.picture_motion import CameraPath, EgoMotion, MotionEstimate
+from heel.services.networks.budget import Budget
+from heel.services.networks.onnx_file import doubtful
+from heel.services.networks.person_model import Detections, PersonModel
 
 _log = logging.getLogger("heel.detector")
 Clock = Callable[[], float]
@@ -85,19 +86,19 @@ class NeuralDetector:
         parts = people.attention.next_views(expected, self._settings.model_closer_looks)
         found = self._look(frame.image, people.views, parts)
         seen = [
-            Seen((left, top, right, bottom), min(1.0, score))
+            SeenPerson((left, top, right, bottom), min(1.0, score))
             for (left, top, right, bottom), score in zip(
                 found.boxes.tolist(), found.scores.tolist(), strict=True
             )
         ]
         grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), np.uint8)
         where = [person.box_xyxy for person in known]
-        carried = people.between.update(grey, frame.id.t_capture_ns, seen, where, step)
-        found_and_carried = [(one.box_xyxy, one.score) for one in (*seen, *carried)]
-        blobs = person_blobs(found_and_carried[:MAX_BLOBS], frame.image)
+        kept = people.between.update(grey, frame.id.t_capture_ns, seen, where, step)
+        found_and_kept = [(one.box_xyxy, one.score) for one in (*seen, *kept)]
+        blobs = person_blobs(found_and_kept[:MAX_BLOBS], frame.image)
         return blobs_message(
             frame, scene.size, "onnx", blobs, motion,
-            kind="people", blobs_left_out=len(found_and_carried) - len(blobs),
+            kind="people", blobs_left_out=len(found_and_kept) - len(blobs),
         )  # fmt: skip
 
     def _begin(self, size: WorkSize) -> _People:

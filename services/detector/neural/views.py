@@ -1,17 +1,36 @@
-"""Parts of a frame that are worth a closer look: a network sees small people only enlarged."""
+"""Parts of a frame that the network looks at more closely: it sees small people only enlarged.
+
+`Views` are the parts there are, `Attention` chooses those of a frame in turns, so that nobody is
+forgotten, `look` runs the network on one, and `together` makes one list of what it found in two.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from heel.schemas.base import BoxXyxy
+from heel.services.geometry.boxes import cover_matrix, iou_matrix
+from heel.services.networks.person_model import Detections, PersonModel, without_doubles
 
 _HEIGHTS = 4.0
-"""Height of a view, in heights of the person it is for: they are then about 100 of a network's 416
-pixels high, the size at which it finds most, and who stands beside them is in the view as well."""
-_LEAST_GAIN = 1.25
-"""A view that enlarges less than this against the whole frame shows nothing new."""
-_TILE_GAIN = 2.0
+"""Height of a view, in heights of the person it is for: the person is then about 100 of a network's
+416 pixels high, the size at which it finds most, and the neighbours are in the view as well."""
+_LEAST_GAIN = 1.25  # a view that enlarges less than this against the whole frame shows nothing new
+_TILE_GAIN = 2.0  # how much the tiles of a search enlarge; chosen by hand
+_NEWCOMER_TURN = 2
+"""A person without an identity waits as long as one that was looked at so many frames ago."""
+_SEARCH_TURN = 8
+"""Where nobody is expected is looked at every so many frames, and in every one as long as nobody is
+expected anywhere."""
+_EDGE_SHARE = 0.01
+"""Boxes nearer to the edge of a view than this share of its height are cut off by it."""
+_SAME_IOU = 0.4  # from this overlap on a box of the frame and one of a view are of the same person
+_FRAGMENT = 0.7
+"""A box of a view with this share of its area inside a larger person is a piece of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,3 +109,129 @@ def _centres(length: float, tile: float) -> list[float]:
     count = 1 + max(1, -int(-(length - tile) // (0.75 * tile)))
     step = (length - tile) / (count - 1)
     return [tile / 2 + step * place for place in range(count)]
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """A person that is likely to be in this frame.
+
+    Attributes:
+        box_xyxy: where, frame pixels.
+        track_id: of the person, None for one without an identity yet.
+    """
+
+    box_xyxy: BoxXyxy
+    track_id: int | None
+
+
+class Attention:
+    """Chooses the views of a frame."""
+
+    def __init__(self, views: Views) -> None:
+        """Start with nobody looked at."""
+        self._views = views
+        self._looked: dict[int, int] = {}
+        self._searched, self._tile, self._turn = 0, 0, 0
+
+    def next_views(self, expected: Sequence[Expected], most: int) -> list[View]:
+        """The views of the people that have waited longest, and now and then a tile of the frame.
+
+        None where a closer look at anybody would show no more than the whole frame does.
+
+        Args:
+            expected: people likely to be in this frame.
+            most: number of views.
+        """
+        views: list[View] = []
+        while len(views) < most and (view := self._next_view(expected, views)) is not None:
+            views.append(view)
+        return views
+
+    def _next_view(self, expected: Sequence[Expected], chosen: Sequence[View]) -> View | None:
+        self._turn += not chosen
+        known = {person.track_id for person in expected}
+        self._looked = {one: turn for one, turn in self._looked.items() if one in known}
+        waiting = [
+            (self._last_look(person), view)
+            for person in expected
+            if not any(view.holds(person.box_xyxy) for view in chosen)
+            and (view := self._views.around(person.box_xyxy)) is not None
+        ]
+        tiles = self._views.tiles
+        if tiles and (not expected or self._turn - self._searched >= _SEARCH_TURN):
+            return self._search(expected)
+        if not waiting:
+            return None
+        view = min(waiting, key=lambda entry: entry[0])[1]
+        self._note(view, expected)
+        return view
+
+    def _search(self, expected: Sequence[Expected]) -> View | None:
+        tiles = self._views.tiles
+        if self._searched == self._turn:
+            return None
+        self._searched = self._turn
+        self._tile = (self._tile + 1) % len(tiles)
+        self._note(tiles[self._tile], expected)
+        return tiles[self._tile]
+
+    def _last_look(self, person: Expected) -> int:
+        if person.track_id is None:
+            return self._turn - _NEWCOMER_TURN
+        return self._looked.get(person.track_id, 0)
+
+    def _note(self, view: View, expected: Sequence[Expected]) -> None:
+        for person in expected:
+            if person.track_id is not None and view.holds(person.box_xyxy):
+                self._looked[person.track_id] = self._turn
+
+
+def look(
+    model: PersonModel, image: NDArray[np.uint8], views: Views, least_score: float, part: View
+) -> Detections:
+    """People in a part of a frame, whole ones only.
+
+    Args:
+        model: the network.
+        image: (H, W, 3) uint8 BGR, the frame.
+        views: of frames of this size.
+        least_score: of a person.
+        part: the part, or the whole frame.
+
+    Raises:
+        HeelError: OpenCV failed on this picture.
+    """
+    pixels = image[part.top : part.top + part.height, part.left : part.left + part.width]
+    found = model.detect(pixels, least_score)
+    offset = np.array([part.left, part.top, part.left, part.top], np.float32)
+    boxes = found.boxes + offset
+    size, margin = (views.whole.width, views.whole.height), _EDGE_SHARE * part.height
+    good = [not part.cuts((a, b, c, d), *size, margin) for a, b, c, d in boxes.tolist()]
+    return Detections(boxes[good], found.scores[good])
+
+
+def together(whole: Detections, close: Detections, part: View) -> Detections:
+    """Both looks as one, each person once, best first.
+
+    A person that is seen in both is where the closer look says: of small people the whole frame
+    often shows the upper half alone, with as good a score.
+    """
+    if len(whole.boxes) and len(close.boxes):
+        beyond = np.array([not part.holds((a, b, c, d)) for a, b, c, d in whole.boxes.tolist()])
+        inside = cover_matrix(close.boxes, whole.boxes[beyond])
+        kept = ~(inside >= _FRAGMENT).any(axis=1)
+        close = Detections(close.boxes[kept], close.scores[kept])
+    if len(whole.boxes) and len(close.boxes):
+        same = iou_matrix(whole.boxes, close.boxes) >= _SAME_IOU
+        best = np.where(same, whole.scores[:, None], 0.0).max(axis=0)
+        close = Detections(close.boxes, np.maximum(close.scores, best).astype(np.float32))
+        whole = Detections(whole.boxes[~same.any(axis=1)], whole.scores[~same.any(axis=1)])
+    boxes = np.concatenate([whole.boxes, close.boxes])
+    scores = np.concatenate([whole.scores, close.scores])
+    kept_of_both = without_doubles(boxes, scores)
+    return Detections(boxes[kept_of_both], scores[kept_of_both])
+
+
+def nobody() -> Detections:
+    """No people."""
+    return Detections(np.zeros((0, 4), np.float32), np.zeros(0, np.float32))

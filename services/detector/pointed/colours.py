@@ -15,40 +15,25 @@ from numpy.typing import NDArray
 
 from heel.services.detector.pointed.silhouette import STRIPS, FloatMap
 
-_LIGHT_BINS = 8
-"""Of Lab's lightness: the coarsest, since light changes most."""
-_HUE_BINS = 16
-"""Of Lab's a and b each."""
+_LIGHT_BINS = 8  # of Lab's lightness: the coarsest, since light changes most
+_HUE_BINS = 16  # of Lab's a and b each
 _BINS = _LIGHT_BINS * _HUE_BINS * _HUE_BINS
-_HUE_STEP = 4
-"""Lab's a and b of one bin; most colours of a picture lie within 32 of grey."""
-_KEPT_SHARE = 0.6
-"""Of a bin's weight that stays in it along one axis; chosen by hand."""
-_SPREAD_SHARE = 0.2
-"""Of a bin's weight that each neighbour along one axis gets; chosen by hand."""
-_FLOOR = 0.002
-"""Share of a colour below which neither person nor background is said to have it."""
-_COVERED = 0.6
-"""Pixels covered more than this are the person's."""
-_UNCOVERED = 0.1
-"""Pixels covered less than this are beside it."""
-_LEAST_PIXELS = 4.0
-"""A histogram of fewer pixels says nothing; chosen by hand."""
+_HUE_STEP = 4  # Lab's a and b of one bin; most colours of a picture lie within 32 of grey
+_KEPT_SHARE = 0.6  # of a bin's weight that stays in it along one axis; chosen by hand
+_SPREAD_SHARE = 0.2  # of a bin's weight that each neighbour along one axis gets; chosen by hand
+_FLOOR = 0.002  # share of a colour below which neither person nor background is said to have it
+_COVERED = 0.6  # pixels covered more than this are the person's
+_UNCOVERED = 0.1  # pixels covered less than this are beside it
+_LEAST_PIXELS = 4.0  # a histogram of fewer pixels says nothing; chosen by hand
 
-_EXPOSURE_SIZE = (40, 30)
-"""Pictures are reduced to this before their light is compared, pixels."""
-_DARKEST = 8
-"""Grey levels below it say little about light."""
-_BRIGHTEST = 250
-"""Grey levels above it are saturated."""
-_LEAST_SHARE = 0.2
-"""Of the pixels that have to say something about light."""
+_EXPOSURE_SIZE = (40, 30)  # pictures are reduced to this before their light is compared, pixels
+_DARKEST = 8  # grey levels below it say little about light
+_BRIGHTEST = 250  # grey levels above it are saturated
+_LEAST_SHARE = 0.2  # of the pixels that have to say something about light
 _MEMORY_S = 10.0
 """Ratios from frame to frame drift when they are multiplied: they are forgotten so slowly."""
-_LARGEST_GAIN = 3.0
-"""Beyond it the picture holds too little to be brought back."""
-_IGNORED_GAIN = 1.02
-"""Not worth another picture."""
+_LARGEST_GAIN = 3.0  # beyond it the picture holds too little to be brought back
+_IGNORED_GAIN = 1.02  # not worth another picture
 
 
 def colour_bins(image: NDArray[np.uint8]) -> NDArray[np.int32]:

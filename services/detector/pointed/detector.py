@@ -10,27 +10,22 @@ from numpy.typing import NDArray
 
 from heel.schemas import Blob, Blobs
 from heel.schemas.base import BoxXyxy
-from heel.services.detector.camera_motion import EgoMotion, MotionEstimate
 from heel.services.detector.interface import Frame
 from heel.services.detector.messages import blobs_message, person_blobs
 from heel.services.detector.pointed.finding import looks_upright, most_contrast, outline_box
 from heel.services.detector.pointed.person import PointedPerson, Sighting
 from heel.services.detector.pointed.proof import Proof
-from heel.services.detector.work_size import WorkSize
+from heel.services.detector.scene import WorkSize
+from heel.services.geometry.picture_motion import EgoMotion, MotionEstimate
 
 NAME = "pointed"
-_FORGET_S = 30.0
-"""A person that was not seen for so long is given up; chosen by hand."""
+_FORGET_S = 30.0  # a person that was not seen for so long is given up; chosen by hand
 _PENDING_S = 5.0
 """Time for which a place without evidence is watched; users were told to wait for so long."""
-_MARGIN = 0.1
-"""Of a box, left out of the camera's motion, heights."""
-_BEST_SCORE = 0.95
-"""Of a person that is proven; chosen by hand."""
-_UNPROVEN_SCORE = 0.6
-"""Of what may be a thing; chosen by hand."""
-_DOUBTED_SCORE = 0.5
-"""Of what may be another person; chosen by hand."""
+_MARGIN = 0.1  # of a box, left out of the camera's motion, heights
+_BEST_SCORE = 0.95  # of a person that is proven; chosen by hand
+_UNPROVEN_SCORE = 0.6  # of what may be a thing; chosen by hand
+_DOUBTED_SCORE = 0.5  # of what may be another person; chosen by hand
 
 
 class PointedAt:

@@ -5,22 +5,18 @@ from __future__ import annotations
 import math
 from collections import deque
 
-_LOWEST = 0.25
-"""Least part of a person below the horizon: of eyes 0.4 m above the floor."""
-_HIGHEST = 0.62
-"""Largest part of a person below the horizon: of eyes 1.1 m above the floor."""
+_LOWEST = 0.25  # least part of a person below the horizon: of eyes 0.4 m above the floor
+_HIGHEST = 0.62  # largest part of a person below the horizon: of eyes 1.1 m above the floor
 _HORIZON_RATE = 0.02
 """Share of a difference by which the horizon is corrected a frame; chosen by hand."""
 _HORIZON_REACH = 0.12
 """Its greatest distance from the middle row, picture heights: a pitch of 5 degrees or so."""
 
-_LATELY_S = 0.6
-"""Time over which heights are compared; chosen by hand."""
+_LATELY_S = 0.6  # time over which heights are compared; chosen by hand
 _NEARER = 0.22
 """ln of heights: nearer than lately. A person that crosses in front, half as far away, is taller by
 more; a robot that closes up with one that walks makes it taller by 0.1."""
-_AS_BEFORE = 0.2
-"""ln of heights: as near as lately."""
+_AS_BEFORE = 0.2  # ln of heights: as near as lately
 _NEAR = 0.45
 """Picture heights of a person about 2 m away. Farther off sizes are corrected as fast as that."""
 _LONGEST_S = 2.0

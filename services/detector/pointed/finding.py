@@ -21,96 +21,59 @@ from numpy.typing import NDArray
 from heel.schemas.base import BoxXyxy
 from heel.services.detector.pointed.silhouette import ASPECT, reach, scaled_part
 
-_ROWS = 180
-"""Pictures are looked at at about this height, pixels."""
-_LIGHT_STEP = 24
-"""Lab's lightness of one colour, of 256 levels; chosen by hand."""
-_HUE_STEP = 8
-"""Lab's a and b of one colour; chosen by hand."""
-_MOST_COLOURS = 128
-"""The most frequent ones; all others count as one."""
-_STRIPS = 8
-"""From head to foot."""
-_LOWEST = 0.2
-"""Least height tried, picture heights."""
-_HIGHEST = 1.25
-"""Largest height tried, picture heights: the feet may be out of the picture."""
-_STEP = 1.07
-"""Ratio of one height tried to the next."""
-_DOWN = (0.15, 0.72, 0.03)
-"""Where the point lies on the body, from head to foot: from, to, step."""
-_POINT_ASIDE = 0.1
-"""How far the point lies from the middle of the body."""
-_POINT_ASIDE_STEP = 0.025
-"""Step of the places tried."""
+_ROWS = 180  # pictures are looked at at about this height, pixels
+_LIGHT_STEP = 24  # Lab's lightness of one colour, of 256 levels; chosen by hand
+_HUE_STEP = 8  # Lab's a and b of one colour; chosen by hand
+_MOST_COLOURS = 128  # the most frequent ones; all others count as one
+_STRIPS = 8  # from head to foot
+_LOWEST = 0.2  # least height tried, picture heights
+_HIGHEST = 1.25  # largest height tried, picture heights: the feet may be out of the picture
+_STEP = 1.07  # ratio of one height tried to the next
+_DOWN = (0.15, 0.72, 0.03)  # where the point lies on the body, from head to foot: from, to, step
+_POINT_ASIDE = 0.1  # how far the point lies from the middle of the body
+_POINT_ASIDE_STEP = 0.025  # step of the places tried
 _HORIZON = (0.38, 0.75)
 """Part of the body at which the middle row lies: a robot's level camera is no higher than a person
 is tall."""
-_GAP = 0.06
-"""Between the body and what is compared with it: arms move there."""
-_BESIDE = 0.12
-"""Width of what is compared with the body."""
-_END_WEIGHT = 0.5
-"""Of the contrast at head and feet: a body without its legs stands out, too."""
-_LONGER = 0.3
-"""Weight of ln(height), for the same reason."""
-_UNTOLD = 0.4
-"""Contrast taken for ends that are out of the picture."""
-_LEAST_SIDES = 0.45
-"""Contrast on either side below which there is no person; chosen by hand."""
+_GAP = 0.06  # between the body and what is compared with it: arms move there
+_BESIDE = 0.12  # width of what is compared with the body
+_END_WEIGHT = 0.5  # of the contrast at head and feet: a body without its legs stands out, too
+_LONGER = 0.3  # weight of ln(height), for the same reason
+_UNTOLD = 0.4  # contrast taken for ends that are out of the picture
+_LEAST_SIDES = 0.45  # contrast on either side below which there is no person; chosen by hand
 
 OUTLINE_PX = 72
 """Height of the person whose outline is looked for, pixels."""
-_ASIDE = 0.7
-"""Looked at to either side of the middle."""
-_ABOVE = 0.5
-"""Looked at above the head."""
-_BELOW = 0.35
-"""Looked at below the feet."""
-_MAYBE_ASIDE = 0.3
-"""Farther from the middle than this is sure to be no part of the body."""
-_MAYBE_ABOVE = 0.32
-"""And farther above the head."""
-_MAYBE_BELOW = 0.22
-"""And farther below the feet."""
-_ROUNDS = 4
-"""Of GrabCut; chosen by hand."""
+_ASIDE = 0.7  # looked at to either side of the middle
+_ABOVE = 0.5  # looked at above the head
+_BELOW = 0.35  # looked at below the feet
+_MAYBE_ASIDE = 0.3  # farther from the middle than this is sure to be no part of the body
+_MAYBE_ABOVE = 0.32  # and farther above the head
+_MAYBE_BELOW = 0.22  # and farther below the feet
+_ROUNDS = 4  # of GrabCut; chosen by hand
 _TRUNK = ((0.1, 0.6), 0.05)
 """Sure to be body: rows from head (0) to foot (1), and how far from the middle."""
 _LEGS = ((0.5, 0.93), (0.025, 0.075))
 """Sure to be body: rows, and from where to where beside the middle."""
 _HEAD = ((-0.2, 0.05), 0.06)
 """Likely to be body, if the box begins too low: rows, and how far from the middle."""
-_MIDDLE = 0.2
-"""Part of the outline, to either side of the middle, that tells head and feet."""
-_LEAST_WIDTH = 0.055
-"""How wide it has to be there."""
-_FLOOR = 0.8
-"""Shadows on the floor are looked for below this part of the body."""
-_SHADOW_WIDTH = 1.8
-"""Wider than so many bodies is a shadow."""
-_IN_SHADOW = 0.05
-"""How far feet stand in it."""
+_MIDDLE = 0.2  # part of the outline, to either side of the middle, that tells head and feet
+_LEAST_WIDTH = 0.055  # how wide it has to be there
+_FLOOR = 0.8  # shadows on the floor are looked for below this part of the body
+_SHADOW_WIDTH = 1.8  # wider than so many bodies is a shadow
+_IN_SHADOW = 0.05  # how far feet stand in it
 
 _UPRIGHT_SIDES = 0.7
 """Least contrast of a body that is shown unproven: a cupboard passes, but goes on above or below;
 this and what follows was chosen on rendered pictures so that no thing passes."""
-_UPRIGHT_ENDS = 1.85
-"""Least contrast of its ends."""
-_LEAST_OVERLAP = 0.5
-"""Of outline and silhouette, intersection over union."""
-_HEAD_ROWS = (0.0, 0.1)
-"""From head (0) to foot (1)."""
-_SHOULDER_ROWS = (0.2, 0.3)
-"""From head (0) to foot (1)."""
-_HEAD_WIDTH = (0.03, 0.17)
-"""Least and largest."""
-_SHOULDER_WIDTH = 0.42
-"""Largest."""
-_NARROWER = 0.62
-"""How much narrower than the shoulders a head is at least."""
-_SAME_SIZE = 0.35
-"""ln: the outline ends about where the contrast does."""
+_UPRIGHT_ENDS = 1.85  # least contrast of its ends
+_LEAST_OVERLAP = 0.5  # of outline and silhouette, intersection over union
+_HEAD_ROWS = (0.0, 0.1)  # from head (0) to foot (1)
+_SHOULDER_ROWS = (0.2, 0.3)  # from head (0) to foot (1)
+_HEAD_WIDTH = (0.03, 0.17)  # least and largest
+_SHOULDER_WIDTH = 0.42  # largest
+_NARROWER = 0.62  # how much narrower than the shoulders a head is at least
+_SAME_SIZE = 0.35  # ln: the outline ends about where the contrast does
 
 Floats = NDArray[np.float64]
 

@@ -24,56 +24,33 @@ from heel.services.detector.pointed.silhouette import (
     view_around,
 )
 
-_FACTORS = (0.9, 0.95, 1.0, 1.05, 1.1)
-"""Sizes tried, of the size that the person should have."""
-_ASIDE = 0.15
-"""So far from where the person should be costs as much likeness as `_PENALTY` says."""
-_GROWTH = 0.06
-"""And so far from the size that it should have, ln."""
-_OFF_STANCE = 0.05
-"""And so far from where a person of that size stands."""
-_PENALTY = 0.02
-"""Likeness; chosen by hand."""
+_FACTORS = (0.9, 0.95, 1.0, 1.05, 1.1)  # sizes tried, of the size that the person should have
+_ASIDE = 0.15  # so far from where the person should be costs as much likeness as `_PENALTY` says
+_GROWTH = 0.06  # and so far from the size that it should have, ln
+_OFF_STANCE = 0.05  # and so far from where a person of that size stands
+_PENALTY = 0.02  # likeness; chosen by hand
 
-_BAND = 0.42
-"""Columns looked at on either side for the ends of the body, box widths."""
-_BODY = 0.2
-"""Likeness of a pixel of the body; chosen by hand."""
-_LEAST_BODY = 0.1
-"""How much of the width of the box such pixels have to fill in a row."""
-_SHADOW_REACH = 0.3
-"""To either side: where shadows on the floor are told by their width."""
-_SHADOW = 0.8
-"""More of the row than this share is a shadow on the floor."""
-_LOW = 0.3
-"""Below the hip where shadows are looked for."""
-_IN_SHADOW = 0.06
-"""How far feet stand in them."""
-_GAP = 0.04
-"""A gap as long ends the body."""
-_SHORTEST = 0.35
-"""Least length from the hip up or down."""
-_LONGEST = 0.95
-"""Largest length from the hip up or down."""
-_LEAST_CUT = 0.2
-"""Least length from the hip to the border of the picture that cuts the body."""
+_BAND = 0.42  # columns looked at on either side for the ends of the body, box widths
+_BODY = 0.2  # likeness of a pixel of the body; chosen by hand
+_LEAST_BODY = 0.1  # how much of the width of the box such pixels have to fill in a row
+_SHADOW_REACH = 0.3  # to either side: where shadows on the floor are told by their width
+_SHADOW = 0.8  # more of the row than this share is a shadow on the floor
+_LOW = 0.3  # below the hip where shadows are looked for
+_IN_SHADOW = 0.06  # how far feet stand in them
+_GAP = 0.04  # a gap as long ends the body
+_SHORTEST = 0.35  # least length from the hip up or down
+_LONGEST = 0.95  # largest length from the hip up or down
+_LEAST_CUT = 0.2  # least length from the hip to the border of the picture that cuts the body
 
 _SIZES = np.exp(np.arange(-0.9, 0.61, 0.15))
 """Tried in the whole picture, of the size that the person had."""
-_LOWEST = 0.12
-"""Least height that is tried at all, picture heights."""
-_HIGHEST = 1.8
-"""Largest height that is tried at all, picture heights."""
-_ROWS = 88
-"""Of the views that are searched, pixels."""
-_OFF_ROWS = 3
-"""A person stands no farther than this from where one of its size stands, view pixels."""
-_CLEAR = 0.85
-"""A second place has to be less like the person than this share of the best."""
-_ELSEWHERE = 0.6
-"""Places farther apart than this are two."""
-_LEAST_INSIDE = 0.5
-"""Share of the body in the picture."""
+_LOWEST = 0.12  # least height that is tried at all, picture heights
+_HIGHEST = 1.8  # largest height that is tried at all, picture heights
+_ROWS = 88  # of the views that are searched, pixels
+_OFF_ROWS = 3  # a person stands no farther than this from where one of its size stands, view pixels
+_CLEAR = 0.85  # a second place has to be less like the person than this share of the best
+_ELSEWHERE = 0.6  # places farther apart than this are two
+_LEAST_INSIDE = 0.5  # share of the body in the picture
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas.base import BoxXyxy
-from heel.services.detector.camera_motion import Affine, moved_box
 from heel.services.detector.pointed.colours import Exposure, StripColours, colour_bins
 from heel.services.detector.pointed.distance import Doubt, Stance
 from heel.services.detector.pointed.fitting import (
@@ -33,47 +32,30 @@ from heel.services.detector.pointed.silhouette import (
     silhouette,
     view_around,
 )
+from heel.services.geometry.picture_motion import Affine, moved_box
 
-_VIEW = (134, 112)
-"""Columns and rows of what is looked at around the person, view pixels."""
-_LEAST_IN_VIEW = 0.35
-"""Share of the body in the picture; chosen by hand."""
-_SEEN = 0.55
-"""Share of the usual likeness at which the person is seen at all; chosen by hand."""
-_GOOD = 0.8
-"""Share at which it is seen well enough to learn from; chosen by hand."""
-_FOUND = 0.75
-"""Share at which it is found after a time out of sight; chosen by hand."""
-_LEAST_LIKENESS = 0.12
-"""The usual likeness is taken for no less: nothing stands out from its like."""
-_PERSON_RATE = 0.02
-"""Share of the person's colours that is learned a frame: clothes change slowly."""
-_BESIDE_RATE = 0.2
-"""Share of the colours beside it: what one walks past changes at once."""
-_USUAL_RATE = 0.03
-"""Share of the likeness that is learned a frame; chosen by hand."""
-_HEIGHT_GAIN = 0.25
-"""Share of a change of size that is believed at once; chosen by hand."""
-_GROWTH_GAIN = 0.1
-"""Share of a growth that goes on; chosen by hand."""
-_GROWTH_MEMORY_S = 0.5
-"""Time in which growth fades; chosen by hand."""
-_SPEED_MEMORY_S = 0.2
-"""Time over which speed is averaged; chosen by hand."""
+_VIEW = (134, 112)  # columns and rows of what is looked at around the person, view pixels
+_LEAST_IN_VIEW = 0.35  # share of the body in the picture; chosen by hand
+_SEEN = 0.55  # share of the usual likeness at which the person is seen at all; chosen by hand
+_GOOD = 0.8  # share at which it is seen well enough to learn from; chosen by hand
+_FOUND = 0.75  # share at which it is found after a time out of sight; chosen by hand
+_LEAST_LIKENESS = 0.12  # the usual likeness is taken for no less: nothing stands out from its like
+_PERSON_RATE = 0.02  # share of the person's colours that is learned a frame: clothes change slowly
+_BESIDE_RATE = 0.2  # share of the colours beside it: what one walks past changes at once
+_USUAL_RATE = 0.03  # share of the likeness that is learned a frame; chosen by hand
+_HEIGHT_GAIN = 0.25  # share of a change of size that is believed at once; chosen by hand
+_GROWTH_GAIN = 0.1  # share of a growth that goes on; chosen by hand
+_GROWTH_MEMORY_S = 0.5  # time in which growth fades; chosen by hand
+_SPEED_MEMORY_S = 0.2  # time over which speed is averaged; chosen by hand
 _UNSEEN_MEMORY_S = 0.5
 """Time out of sight in which the speed is believed less and less; chosen by hand."""
-_FIRST_FRAMES = 15
-"""In which the person's first appearance is learned."""
-_BOX_WIDTH = 0.8
-"""Of the box that is reported, templates' widths: these leave room for arms."""
+_FIRST_FRAMES = 15  # in which the person's first appearance is learned
+_BOX_WIDTH = 0.8  # of the box that is reported, templates' widths: these leave room for arms
 _EXTENT_GAIN = 0.4
 """Share of a difference to where the colours end by which the height is corrected a frame."""
-_LARGEST_CORRECTION = 0.06
-"""Of the height in a frame, ln; chosen by hand."""
-_LOST_S = 0.4
-"""A person missed for longer is looked for in the whole picture."""
-_GAP_S = 0.3
-"""And so is one that was not looked for because there was no picture for so long."""
+_LARGEST_CORRECTION = 0.06  # of the height in a frame, ln; chosen by hand
+_LOST_S = 0.4  # a person missed for longer is looked for in the whole picture
+_GAP_S = 0.3  # and so is one that was not looked for because there was no picture for so long
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,92 +17,56 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas.base import BoxXyxy
-from heel.services.detector.camera_motion import Homography, estimate_turn
 from heel.services.detector.pointed.silhouette import ASPECT, reach
+from heel.services.geometry.picture_motion import Homography, estimate_turn
 
-_QUIET_PX = 100
-"""Fewer pixels than this that move are nobody; chosen by hand."""
+_QUIET_PX = 100  # fewer pixels than this that move are nobody; chosen by hand
 _OFF_AXIS = 0.15
 """Farther from the axis of the body than this, on average, is not a walk; chosen by hand."""
-_LEAST_INSIDE = 0.55
-"""Share of the movement on the body; chosen by hand."""
-_MOST_BESIDE = 0.5
-"""Share of what is on one side that may move as well; chosen by hand."""
-_LEGS = 0.72
-"""A walk moves the legs: so far down movement reaches, from head (0) to foot (1)."""
-_HEAD = 0.35
-"""And so far up: something smaller within a larger box is not what the box is about."""
-_FROM_ASIDE = 0.28
-"""Movement that begins so far off the axis comes in from a side."""
-_OUTSIDE = 0.3
-"""And so does movement with so little of it on the body."""
-_PASSES = 0.08
-"""Pixels that go so far ..."""
-_ALONG = 0.3
-"""... while the box goes less than this share of it, pass by."""
-_SLIDES = 0.03
-"""A box that goes so far while its pixels do not go the same way slides over a wall."""
-_NEEDED_S = 0.35
-"""How long a person has to walk; chosen by hand."""
+_LEAST_INSIDE = 0.55  # share of the movement on the body; chosen by hand
+_MOST_BESIDE = 0.5  # share of what is on one side that may move as well; chosen by hand
+_LEGS = 0.72  # a walk moves the legs: so far down movement reaches, from head (0) to foot (1)
+_HEAD = 0.35  # and so far up: something smaller within a larger box is not what the box is about
+_FROM_ASIDE = 0.28  # movement that begins so far off the axis comes in from a side
+_OUTSIDE = 0.3  # and so does movement with so little of it on the body
+_PASSES = 0.08  # pixels that go so far
+_ALONG = 0.3  # ... while the box goes less than this share of it, pass by
+_SLIDES = 0.03  # a box that goes so far while its pixels do not go the same way slides over a wall
+_NEEDED_S = 0.35  # how long a person has to walk; chosen by hand
 _NEEDED_AFTER_OTHERS_S = 1.2
 """Longer, where it began from aside: a person that passes by at 1 m/s is before a body for half a
 second."""
 _QUIET_S = 0.3
 """Nothing has to move for so long before movement from aside is forgotten; chosen by hand."""
-_LONGEST_STEP_S = 0.2
-"""For so long at most does one frame stand."""
+_LONGEST_STEP_S = 0.2  # for so long at most does one frame stand
 
-_BODY_PX = 72
-"""Of a body as it is looked at, pixels."""
-_ASIDE = 0.8
-"""Looked at to either side of the axis."""
-_ABOVE = 0.25
-"""Looked at above the head."""
-_BELOW = 0.25
-"""Looked at below the feet."""
-_BODY_MARGIN = 0.02
-"""Beyond the silhouette that is still body."""
-_CORE = 0.5
-"""From the axis of the body: where movement counts."""
-_MIDDLE = 0.22
-"""From the axis: where it is the body's."""
-_BESIDE = 0.3
-"""From the axis: where it is not."""
-_APART_S = 0.24
-"""Between the two pictures: time for a walker to move by a tenth of the body height."""
-_FORGET_S = 0.55
-"""Older pictures are not compared: the turn since is known too badly."""
-_TEXTURE = 4.0
-"""Least mean gradient of a pixel whose flow can be told, grey levels a pixel."""
-_BORDER_PX = 9
-"""Patches of the flow reach so far."""
-_LEAST_IN_PICTURE = 0.5
-"""Share of the body in the picture."""
-_LEAST_BODY_PX = 40
-"""Pixels with texture on the body; chosen by hand."""
-_LEAST_BESIDE_PX = 80
-"""Pixels with texture beside it; chosen by hand."""
+_BODY_PX = 72  # of a body as it is looked at, pixels
+_ASIDE = 0.8  # looked at to either side of the axis
+_ABOVE = 0.25  # looked at above the head
+_BELOW = 0.25  # looked at below the feet
+_BODY_MARGIN = 0.02  # beyond the silhouette that is still body
+_CORE = 0.5  # from the axis of the body: where movement counts
+_MIDDLE = 0.22  # from the axis: where it is the body's
+_BESIDE = 0.3  # from the axis: where it is not
+_APART_S = 0.24  # between the two pictures: time for a walker to move by a tenth of the body height
+_FORGET_S = 0.55  # older pictures are not compared: the turn since is known too badly
+_TEXTURE = 4.0  # least mean gradient of a pixel whose flow can be told, grey levels a pixel
+_BORDER_PX = 9  # patches of the flow reach so far
+_LEAST_IN_PICTURE = 0.5  # share of the body in the picture
+_LEAST_BODY_PX = 40  # pixels with texture on the body; chosen by hand
+_LEAST_BESIDE_PX = 80  # pixels with texture beside it; chosen by hand
 _LEAST_SIDE = 0.5
 """Share of what is on either side that has to be in the picture: one side alone does not tell how
 the background on the other flows."""
-_LEAST_SIDE_PX = 40
-"""Pixels with texture on a side, below which more movement has to be seen ..."""
-_ONE_SIDED = 2.5
-"""... by this factor; chosen by hand."""
-_MOVES_PX = 0.9
-"""Least movement, view pixels; chosen by hand."""
-_SIGMAS = 3.0
-"""Least movement, in the scatter of the background."""
-_FINEST_PX = 0.15
-"""Least scatter: flow is no finer, view pixels."""
-_FIT_ROUNDS = 6
-"""Of the robust fit; more change nothing."""
-_FIT_SIGMAS = 1.5
-"""Scatter beyond which a pixel counts less."""
-_LARGEST_ZOOM = 0.02
-"""A camera that turns sees nothing grow."""
-_ZOOM_STEP_PX = 20.0
-"""Distance over which growth is measured, pixels."""
+_LEAST_SIDE_PX = 40  # pixels with texture on a side, below which more movement has to be seen
+_ONE_SIDED = 2.5  # ... by this factor; chosen by hand
+_MOVES_PX = 0.9  # least movement, view pixels; chosen by hand
+_SIGMAS = 3.0  # least movement, in the scatter of the background
+_FINEST_PX = 0.15  # least scatter: flow is no finer, view pixels
+_FIT_ROUNDS = 6  # of the robust fit; more change nothing
+_FIT_SIGMAS = 1.5  # scatter beyond which a pixel counts less
+_LARGEST_ZOOM = 0.02  # a camera that turns sees nothing grow
+_ZOOM_STEP_PX = 20.0  # distance over which growth is measured, pixels
 
 Mask = NDArray[np.bool_]
 Grey = NDArray[np.uint8]
@@ -221,7 +185,8 @@ def _grids() -> tuple[Floats, Floats]:
 _DOWN, _ACROSS = _grids()
 _IS_BODY: Mask = np.abs(_ACROSS) < ASPECT * reach(_DOWN) + _BODY_MARGIN
 _IS_BESIDE: Mask = (np.abs(_ACROSS) > _BESIDE) | (_DOWN < -0.08) | (_DOWN > 1.06)
-_SIDES: tuple[Mask, Mask] = (
+"""Above the head and below the feet as well, with a margin that is chosen by hand."""
+_SIDES: tuple[Mask, Mask] = (  # left and right of the body, from head (0) to foot (1)
     (_ACROSS < -_BESIDE) & (_DOWN > 0.0) & (_DOWN < 1.0),
     (_ACROSS > _BESIDE) & (_DOWN > 0.0) & (_DOWN < 1.0),
 )

@@ -20,12 +20,9 @@ ASPECT = 0.4
 """Width by height of the box."""
 PERSON_PX = 56
 """Height of a person in a view, pixels."""
-_AROUND = 1.7
-"""Width of the template, boxes: what stands out beside the body is no part of it."""
-_ABOVE = 0.12
-"""Rows above the head and below the feet, heights."""
-_EDGE = 0.06
-"""Softness of the sides, box widths."""
+_AROUND = 1.7  # width of the template, boxes: what stands out beside the body is no part of it
+_ABOVE = 0.12  # rows above the head and below the feet, heights
+_EDGE = 0.06  # softness of the sides, box widths
 
 _OUTLINE = Outline(LEGS_TOGETHER, beyond=0.03, outside=-0.2)
 """Ends chosen by hand, so that the soft sides leave nothing above the head and below the feet."""

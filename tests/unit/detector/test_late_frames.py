@@ -8,7 +8,7 @@ import pytest
 from heel.schemas import Tracks
 from heel.services.detector.background.learning import LateFrames
 from heel.services.detector.feedback import free_mask
-from heel.services.detector.work_size import WorkSize
+from heel.services.detector.scene import WorkSize
 from tests.unit.detector.drawn_scene import HEIGHT, WIDTH, Person, frame_id, tracks_of
 
 SIZE = WorkSize.of_frame(WIDTH, HEIGHT, 480)

@@ -10,13 +10,13 @@ import pytest
 
 from heel.schemas import Blobs, SettingsError, encode
 from heel.schemas.blobs import MAX_BLOBS
-from heel.services.detector import plugins
+from heel.services.detector import interface
 from heel.services.detector.core import Detector
 from heel.services.detector.interface import Frame
 from heel.services.detector.messages import person_blobs
 from heel.services.detector.settings import DetectorSettings
-from tests.unit.detector.drawn_networks import picture, red_finder
 from tests.unit.detector.drawn_scene import frame_id
+from tests.unit.networks.drawn_networks import picture, red_finder
 
 pytest.importorskip("onnx")
 SIZE = (320, 240)
@@ -139,7 +139,7 @@ def added(monkeypatch: pytest.MonkeyPatch) -> None:
     def entries(group: str) -> list[Added]:
         return [Added(), Broken()] if group == "heel.detectors" else []
 
-    monkeypatch.setattr(plugins, "entry_points", entries)
+    monkeypatch.setattr(interface, "entry_points", entries)
 
 
 @pytest.mark.usefixtures("added")

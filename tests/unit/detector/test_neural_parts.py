@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from heel.services.detector.neural.attention import Attention, Expected
-from heel.services.detector.neural.between import Between, Seen
-from heel.services.detector.neural.budget import Budget, Looks
-from heel.services.detector.neural.looking import together
-from heel.services.detector.neural.model import Detections
-from heel.services.detector.neural.patch_flow import followed
-from heel.services.detector.neural.views import View, Views
+from heel.services.detector.neural.between import Between, SeenPerson
+from heel.services.detector.neural.views import Attention, Expected, View, Views, together
+from heel.services.geometry.patch_flow import followed
+from heel.services.networks.budget import Budget, Looks
+from heel.services.networks.person_model import Detections
 
 FRAME, INPUT = (960, 540), (416, 416)
 STILL = np.eye(2, 3)
@@ -181,10 +179,10 @@ def test_a_jerk_of_the_camera_is_where_the_search_begins() -> None:
     assert new == pytest.approx(box(90, 60), abs=1.5)
 
 
-def carry(pictures: list[NDArray[np.uint8]], confirmed: bool = True) -> list[list[Seen]]:
+def carry(pictures: list[NDArray[np.uint8]], confirmed: bool = True) -> list[list[SeenPerson]]:
     """Who is carried in each frame after the first, in which somebody is seen at (100, 60)."""
     between = Between(longest_s=0.5)
-    between.update(pictures[0], 0, [Seen(box(100, 60), 0.8)], [], STILL)
+    between.update(pictures[0], 0, [SeenPerson(box(100, 60), 0.8)], [], STILL)
     expected = [box(100, 60)] if confirmed else []
     return [
         between.update(image, seq * 10**8, [], expected, STILL)
@@ -210,8 +208,8 @@ def test_nobody_is_carried_who_is_not_to_be_seen_any_more() -> None:
 
 def test_who_is_seen_is_not_carried_besides() -> None:
     between = Between(longest_s=0.5)
-    between.update(scene(at=(100, 60)), 0, [Seen(box(100, 60), 0.8)], [], STILL)
-    again = [Seen(box(103, 60), 0.7)]
+    between.update(scene(at=(100, 60)), 0, [SeenPerson(box(100, 60), 0.8)], [], STILL)
+    again = [SeenPerson(box(103, 60), 0.7)]
     now = scene(at=(103, 60))
     assert between.update(now, 10**8, again, [box(103, 60)], STILL) == []
     assert list(between.people) == again

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from heel.schemas import Blobs, Pointed
-from heel.services.detector.camera_motion import estimate_turn
 from heel.services.detector.core import Detector
 from heel.services.detector.pointed.proof import MovementWatch, Proof
 from heel.services.detector.settings import DetectorSettings
+from heel.services.geometry.picture_motion import estimate_turn
 from tests.unit.detector.drawn_scene import FPS, frame_id
 from tests.unit.detector.test_pointed import (
     HEIGHT,

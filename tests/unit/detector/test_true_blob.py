@@ -1,15 +1,13 @@
-"""Shadow removal, morphology and the paper's true-blob test, on drawn masks."""
+"""Morphology and the paper's true-blob test, on drawn masks."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from heel.schemas.blobs import FOREGROUND, SHADOW
-from heel.services.detector.mog2 import COMPOSITE, PAPER, true_blobs
-from heel.services.detector.work_size import WorkSize
+from heel.services.detector.mog2 import true_blobs
+from heel.services.detector.scene import WorkSize
 
 PETS = WorkSize.of_frame(768, 576, 768)
 
@@ -23,21 +21,19 @@ def test_paper_threshold_is_a_hundredth_of_the_frame(width: int, height: int, tr
     """Figure 1 and eq. 3: 663 is no person, above 4423 of 768x576 is."""
     evidence = np.zeros((576, 768), np.uint8)
     evidence[100 : 100 + height, 100 : 100 + width] = FOREGROUND
-    numbers = replace(PAPER, open_px=(0, 0), close_px=(0, 0))
-    assert (len(true_blobs(evidence, PETS, numbers)) == 1) is true
+    assert (len(true_blobs(evidence, PETS)) == 1) is true
 
 
 def test_shadow_is_no_person() -> None:
     evidence = np.full((576, 768), SHADOW, np.uint8)
-    assert true_blobs(evidence, PETS, PAPER) == []
-    assert true_blobs(evidence, PETS, COMPOSITE) == []
+    assert true_blobs(evidence, PETS) == []
 
 
 def test_opening_removes_what_is_thinner_than_its_kernel() -> None:
     evidence = np.zeros((576, 768), np.uint8)
     evidence[100:300, 100:200] = FOREGROUND
     evidence[150:152, 200:400] = FOREGROUND
-    (region,) = true_blobs(evidence, PETS, PAPER)
+    (region,) = true_blobs(evidence, PETS)
     assert region.left + region.width <= 202
 
 
@@ -45,13 +41,4 @@ def test_closing_joins_what_a_thin_gap_divides() -> None:
     evidence = np.zeros((576, 768), np.uint8)
     evidence[100:300, 100:200] = FOREGROUND
     evidence[200:203] = 0
-    assert len(true_blobs(evidence, PETS, PAPER)) == 1
-
-
-@pytest.mark.parametrize(("gap_px", "filled"), [(10, True), (60, False)], ids=str)
-def test_shadow_between_foreground_is_a_person_again(gap_px: int, filled: bool) -> None:
-    evidence = np.zeros((576, 768), np.uint8)
-    evidence[100:200, 100:200] = FOREGROUND
-    evidence[200 : 200 + gap_px, 100:200] = SHADOW
-    evidence[200 + gap_px : 400, 100:200] = FOREGROUND
-    assert (len(true_blobs(evidence, PETS, COMPOSITE)) == 1) is filled
+    assert len(true_blobs(evidence, PETS)) == 1

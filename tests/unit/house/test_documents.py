@@ -16,7 +16,7 @@ import typer
 from heel.schemas.export import json_schemas
 from heel.services.capture.pan_window import PanSettings
 from heel.services.cli import app
-from heel.services.detector.plugins import GROUP as DETECTORS
+from heel.services.detector.interface import GROUP as DETECTORS
 from heel.services.drive.drivers import ENTRY_POINTS as DRIVERS
 from heel.services.runtime.settings import LogSettings, ZenohSettings, known_tables
 from tests.support.documents import blocks, inline_commands, pages

@@ -11,10 +11,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-_MEMORY = 0.2
-"""Weight of a new measurement in the running mean of what a look costs."""
-_LONGEST_PERIOD = 12
-"""Frames between whole frames up to which closer looks may put them off."""
+_MEMORY = 0.2  # Weight of a new measurement in the running mean of what a look costs
+_LONGEST_PERIOD = 12  # Frames between whole frames up to which closer looks may put them off
 _SAVED_LOOKS = 2.0
 """Time that is not used is saved, up to so many whole frames: a burst later on is bounded."""
 

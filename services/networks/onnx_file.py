@@ -7,6 +7,7 @@ a division by zero). So the file is looked through first.
 from __future__ import annotations
 
 import ast
+import hashlib
 import json
 import math
 from collections.abc import Iterator
@@ -20,7 +21,9 @@ if TYPE_CHECKING:
     from onnx import AttributeProto, GraphProto, ModelProto, NodeProto, TensorProto
 
 _MOST_SIDE_PX = 2048
+"""Of the input: a larger one takes seconds a frame on a processor."""
 _MOST_NAMES_CHARS = 100_000
+"""Of the class names in a file; a thousand names take a fifth of it."""
 _MOST_VALUES = 1 << 31
 """Of one tensor that the file announces: 8 GB of float32 are beyond any network read here."""
 _EXPORT = "export it to ONNX (for a YOLO of Ultralytics: yolo export model=FILE.pt format=onnx)"
@@ -34,9 +37,17 @@ _LAYOUTS: tuple[tuple[bytes, str, str], ...] = (
     (b"ftrt", "a TensorRT engine", "give the ONNX file that it was built from"),
     (b"%PDF", "a PDF", _DOWNLOAD),
 )
-_TFLITE, _TFLITE_AT = b"TFL3", 4
+_TFLITE = b"TFL3"
+"""Identifier of a TensorFlow Lite file."""
+_TFLITE_AT = 4
+"""Where it stands, bytes from the start."""
 _POSITIVE = {"strides", "dilations", "kernel_shape", "group", "blocksize"}
 """Attributes that are divisors or sizes."""
+_KNOWN = (
+    # Name, bytes, SHA-256: the one that the README names.
+    ("yolox_nano.onnx", 3660092,
+     "695e750a5d5754bb5a8d5325643b59282191a7e7a564e435a415fd3c578eab14"),
+)  # fmt: skip
 _NAME_KEYS = ("names", "classes", "class_names", "labels")
 
 
@@ -299,3 +310,18 @@ def _literal(text: str) -> object:
             continue
         return found
     return [part.strip() for part in text.replace("\n", ",").split(",") if part.strip()]
+
+
+def doubtful(file: Path) -> str | None:
+    """Why a file may be a damaged copy of a known network; None where nothing says so.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    for name, size, digest in _KNOWN:
+        if file.stat().st_size == size and hashlib.sha256(file.read_bytes()).hexdigest() != digest:
+            return (
+                f"as long as the {name} that the README names, but its content differs from it: "
+                "damaged? Download it again, or ignore this if it is a network of your own"
+            )
+    return None

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from heel.schemas import SettingsError
-from heel.services.detector.neural.heads import Head, HeadName, cells, people
-from heel.services.detector.neural.model import PersonModel, without_doubles
-from tests.unit.detector.drawn_networks import BOX, SIDE, Kind, picture, red_finder, saved
+from heel.services.networks.heads import Head, HeadName, cells, people
+from heel.services.networks.person_model import PersonModel, without_doubles
+from tests.unit.networks.drawn_networks import BOX, SIDE, Kind, picture, red_finder, saved
 
 onnx = pytest.importorskip("onnx")
 KINDS: list[Kind] = ["yolox", "yolox-decoded", "yolov8"]

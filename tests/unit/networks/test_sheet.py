@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heel.services.detector.neural.sheet import PAD_GREY, Sheet
+from heel.services.networks.person_model import PAD_GREY, Sheet
 
 INPUT = (416, 416)
 NOBODY = (np.zeros((0, 4), np.float32), np.zeros(0, np.float32))

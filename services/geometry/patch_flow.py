@@ -12,20 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas.base import BoxXyxy
-from heel.services.detector.camera_motion import Affine, moved_points
+from heel.services.geometry.picture_motion import Affine, moved_points
 
 Floats = NDArray[np.float32]
 
 _GRID = 10
-_WINDOW_PX, _PYRAMID_LEVELS = 11, 3
+"""Points to a side of the grid in a box."""
+_WINDOW_PX = 11
+"""Side of the patch that is followed."""
+_PYRAMID_LEVELS = 3
+"""Levels of the image pyramid; the camera's motion is known before."""
 _REACH = 0.75
 """Pixels are looked at up to so many box heights around the box."""
 _LEAST_POINTS = 12
+"""That have to come back; chosen by hand."""
 _FAILED = 0.06
 """Median forward-backward error and median residual of a flow that has failed, box heights."""
 _LEAST_ERROR_PX = 1.0
+"""Flow is no more precise, so that small boxes may fail by so much."""
 _LARGEST_ZOOM = 1.15
-_LOOK_SIZE = (16, 32)
+"""From frame to frame; beyond, the flow is wrong."""
+_PATCH_SIZE = (16, 32)
+"""Columns and rows at which patches are compared."""
 
 
 def followed(
@@ -108,13 +116,13 @@ def _zoom(start: Floats, end: Floats) -> float:
 
 
 def likeness(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
-    """Normalised correlation in [-1, 1] of two results of `grey_look`."""
+    """Normalised correlation in [-1, 1] of two results of `grey_patch`."""
     return float(cv2.matchTemplate(first, second, cv2.TM_CCOEFF_NORMED)[0, 0])
 
 
-def grey_look(image: NDArray[np.uint8], box: BoxXyxy) -> NDArray[np.uint8]:
+def grey_patch(image: NDArray[np.uint8], box: BoxXyxy) -> NDArray[np.uint8]:
     """Pixels of (H, W) uint8 under a box, at one size for all; outside, the edge is repeated."""
     size = (max(2, round(box[2] - box[0])), max(2, round(box[3] - box[1])))
     centre = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
     patch = cv2.getRectSubPix(image, size, centre)
-    return np.asarray(cv2.resize(patch, _LOOK_SIZE, interpolation=cv2.INTER_AREA), np.uint8)
+    return np.asarray(cv2.resize(patch, _PATCH_SIZE, interpolation=cv2.INTER_AREA), np.uint8)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from heel.schemas import SettingsError
-from heel.services.detector.neural import known_files
-from heel.services.detector.neural.model import PersonModel
-from heel.services.detector.neural.onnx_file import read_onnx_file
-from tests.unit.detector.drawn_networks import picture, red_finder, saved
+from heel.services.networks import onnx_file
+from heel.services.networks.onnx_file import read_onnx_file
+from heel.services.networks.person_model import PersonModel
+from tests.unit.networks.drawn_networks import picture, red_finder, saved
 
 onnx = pytest.importorskip("onnx")
 
@@ -171,12 +171,12 @@ def test_a_damaged_copy_of_a_known_network_is_told_of(
 ) -> None:
     file = red_finder(tmp_path / "net.onnx")
     size = file.stat().st_size
-    monkeypatch.setattr(known_files, "_KNOWN", (("net.onnx", size, "0" * 64),))
-    doubt = known_files.doubtful(file)
+    monkeypatch.setattr(onnx_file, "_KNOWN", (("net.onnx", size, "0" * 64),))
+    doubt = onnx_file.doubtful(file)
     assert doubt is not None
     assert "damaged" in doubt
-    monkeypatch.setattr(known_files, "_KNOWN", (("net.onnx", size + 1, "0" * 64),))
-    assert known_files.doubtful(file) is None
+    monkeypatch.setattr(onnx_file, "_KNOWN", (("net.onnx", size + 1, "0" * 64),))
+    assert onnx_file.doubtful(file) is None
 
 
 def test_what_was_recognised_can_be_told(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heel.services.detector.work_size import WorkSize
+from heel.services.detector.scene import WorkSize
 
 
 @pytest.mark.parametrize(

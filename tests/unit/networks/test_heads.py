@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from heel.schemas import SettingsError
-from heel.services.detector.neural.heads import Head, cells, people, recognise
-from heel.services.detector.neural.onnx_file import OnnxFile
+from heel.services.networks.heads import Head, cells, people, recognise
+from heel.services.networks.onnx_file import OnnxFile
 
 SIDE = 96
 CELLS = cells(SIDE, SIDE)

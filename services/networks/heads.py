@@ -9,6 +9,7 @@ want different pixels, so that none is taken for another.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -17,27 +18,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas.errors import SettingsError
-from heel.services.detector.neural.classes import person_classes
-from heel.services.detector.neural.onnx_file import OnnxFile
+from heel.services.networks.onnx_file import OnnxFile
 
 Floats = NDArray[np.float32]
 HeadName = Literal["yolox", "yolox-decoded", "yolov8", "yolov6", "yolov5"]
 STRIDES = (8, 16, 32)
+"""Input pixels per grid cell, of the three grids of a plain YOLO."""
 _GRIDS = (STRIDES, (*STRIDES, 64), (4, *STRIDES))
 """Of networks that decode by themselves: P5, P6 and P2."""
 _ANCHORS = 3
+"""Rows a grid cell of YOLOv5 and YOLOv7."""
 _RAW_OFFSET_LIMIT = 16.0
 """Offsets within a cell stay far below this, positions in a picture go far beyond it."""
 _UNIT_LIMIT = 2.0
 """Positions that never pass this are shares of the picture's sides, not pixels."""
 _GRID_CORRELATION = 0.8
-"""Decoded centres lie about their cells, raw offsets know nothing of them: 0.96 to 1.0 and -0.5 to
--0.1 with two YOLOX networks on pictures of nobody."""
+"""Decoded centres correlate with their cells almost fully, raw offsets not at all."""
 _SURE_OF_THE_CLASS = 0.01
-"""YOLOX's class scores are those of a thing if there is one, and high where there is none (0.15 to
-0.5 with the same two); scores without objectness are near 0 there."""
-_MASKS, _POSE_COLUMNS, _COCO_PLAIN, _COCO_OBJECTNESS = 32, 56, 84, 85
+"""YOLOX's class scores are those of a thing if there is one, and high where there is none; scores
+without objectness are near 0 there."""
+_MASKS = 32
+"""Columns of mask coefficients of a YOLO that segments."""
+_POSE_COLUMNS = 56
+"""Of a YOLO for poses: box, one class and 17 points of three numbers."""
+_COCO_PLAIN = 84
+"""Columns of a box and COCO's 80 classes."""
+_COCO_OBJECTNESS = 85
+"""The same with objectness."""
 _ROUNDING = 1e-3
+"""By which probabilities may leave 0 to 1, in float16."""
+_PEOPLE = {"person", "persons", "people", "pedestrian", "pedestrians", "human", "humans"}
+_NO_NAME = re.compile(r"(class|cls|c|label|object|item)?[ _-]?\d+")
+"""What exporters write where they were given no names."""
+_COCO = 80
+"""Classes of the COCO data set; a person is the first."""
+_SHOWN = 12
+"""Class names that an error message shows at most."""
 _READ = "YOLOX, YOLOv5 to YOLOv8, YOLO11 and YOLO12 are read"
 
 
@@ -54,7 +70,10 @@ class InputForm:
     rgb: bool
 
 
-BYTES_BGR, UNIT_RGB = InputForm(1.0, False), InputForm(1.0 / 255.0, True)
+BYTES_BGR = InputForm(1.0, False)
+"""0 to 255, blue first: YOLOX."""
+UNIT_RGB = InputForm(1.0 / 255.0, True)
+"""0 to 1, red first: all others."""
 _TITLES: dict[HeadName, str] = {
     "yolox": "YOLOX (release 0.1.1rc0 or newer; older weights want other pixels)",
     "yolox-decoded": "YOLOX, decoded (release 0.1.1rc0 or newer; older weights want other pixels)",
@@ -322,3 +341,64 @@ def _places(width: int, height: int, each: int) -> Floats:
     middle = (corner + 0.5) * stride
     grids = [middle[stride[:, 0] == one] for one in STRIDES]
     return np.concatenate([grid for one in grids for grid in [one] * each]).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class PersonClasses:
+    """The columns of a network's class scores that are people.
+
+    Attributes:
+        columns: from 0; a network may tell walking from sitting people.
+        why: in words, for the log.
+    """
+
+    columns: tuple[int, ...]
+    why: str
+
+
+def person_classes(
+    names: tuple[str, ...] | None, count: int, chosen: int | None
+) -> PersonClasses:  # fmt: skip
+    """The classes to look at.
+
+    Args:
+        names: what the file calls its classes, None where it does not say.
+        count: of classes.
+        chosen: what the user says, None for nothing.
+
+    Raises:
+        SettingsError: none is a person, or nothing tells which.
+    """
+    if names is not None and all(_NO_NAME.fullmatch(name.strip().lower()) for name in names):
+        names = None
+    if names is None:
+        return _without_names(count, chosen)
+    shown = ", ".join(name[:40] for name in names[:_SHOWN]) + (", ..." * (len(names) > _SHOWN))
+    if chosen is not None:
+        raise SettingsError(
+            f"the file names its classes ({shown}), and --model-class {chosen} is for files that "
+            "do not: leave it out"
+        )
+    columns = tuple(at for at, name in enumerate(names) if name.strip().lower() in _PEOPLE)
+    if not columns:
+        raise SettingsError(
+            f"none of its {len(names)} classes is a person ({shown}): give a network that finds "
+            "people"
+        )
+    found = ", ".join(f"{column} ({names[column][:40]})" for column in columns)
+    return PersonClasses(columns, f"class {found} of {count}, by the names in the file")
+
+
+def _without_names(count: int, chosen: int | None) -> PersonClasses:
+    if chosen is not None:
+        if chosen >= count:
+            raise SettingsError(f"--model-class {chosen}: it has {count} classes, 0 to {count - 1}")
+        return PersonClasses((chosen,), f"class {chosen} of {count}, as --model-class says")
+    if count == 1:
+        return PersonClasses((0,), "its only class, which the file does not name")
+    if count == _COCO:
+        return PersonClasses((0,), "class 0 of 80, COCO's person; the file names no classes")
+    raise SettingsError(
+        f"the file does not name its {count} classes: say which one is a person with "
+        "--model-class N, from 0"
+    )

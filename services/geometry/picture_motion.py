@@ -1,4 +1,4 @@
-"""How the camera moved between two frames, from corners that people do not cover.
+"""How the camera moves, from corners that people do not cover; whether it stands.
 
 Corners (J. Shi, C. Tomasi, "Good features to track", CVPR 1994), pyramidal Lucas-Kanade flow
 (J.-Y. Bouguet 2000), and the similarity that most of them agree with (RANSAC, M. Fischler,
@@ -50,6 +50,16 @@ _PASSED_OVER = 5
 """Frames that cannot be placed before the estimate starts anew."""
 _PATH_FRAMES = 64
 """How far back the path of the camera goes: tracks are rarely older than a few frames."""
+_REDUCTION = 2
+"""Factor by which pictures are reduced before the motion of a standing camera is looked for."""
+_MOVED_PX = 0.8
+"""Root mean square shift of the picture's corners that a standing camera never has, working px."""
+_STILL_SHARE = 0.2
+"""When the camera moves, fewer corners than this stay where they were: those near its axis."""
+_ANCHOR_S = 1.0  # Age of the oldest frame that is compared: a slow pan is seen, too
+_STANDING_S = 1.5  # A camera that has not moved for so long stands; chosen by hand
+_STOOD_PX = 0.5  # Shift of the corners of a camera that stands, working pixels; below `_MOVED_PX`
+_REST_FRAMES = 512  # Bound of the path that is remembered: more than `_STANDING_S` holds
 
 
 @dataclass(frozen=True)
@@ -230,3 +240,71 @@ def _is_spread(corners: NDArray[np.float32], picture: NDArray[np.uint8]) -> bool
     low, high = np.percentile(corners, [5, 95], axis=0)
     share = (high - low) / (picture.shape[1], picture.shape[0])
     return bool((share > _LEAST_SPREAD).all())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Anchor:
+    grey: NDArray[np.uint8]
+    free: NDArray[np.uint8]
+    t_ns: int
+
+
+class StandingWatch:
+    """Says when a standing camera has moved: compares each frame with one up to a second old."""
+
+    def __init__(self) -> None:
+        self._anchor: _Anchor | None = None
+
+    def update(
+        self, grey: NDArray[np.uint8], free: NDArray[np.uint8], t_ns: int
+    ) -> MotionEstimate | None:
+        """Motion since the anchor where the camera has moved, else None.
+
+        Args:
+            grey: (H, W) uint8, this frame.
+            free: (H, W) uint8, 0 where people are, else 255.
+            t_ns: time of the frame.
+        """
+        small = _reduced(grey)
+        anchor = self._anchor
+        if anchor is None or t_ns - anchor.t_ns > _ANCHOR_S * 1e9 or t_ns < anchor.t_ns:
+            self._anchor = _Anchor(small, _reduced(free), t_ns)
+        if anchor is None:
+            return None
+        motion = estimate_motion(anchor.grey, small, anchor.free)
+        affine = motion.affine.copy()
+        affine[:, 2] *= _REDUCTION
+        since = MotionEstimate(affine, motion.quality)
+        rows, columns = grey.shape
+        moved = since.is_known and since.shift_px(columns, rows) > _MOVED_PX
+        return since if moved and motion.still < _STILL_SHARE else None
+
+
+class RestWatch:
+    """Says when a camera that moved has come to rest."""
+
+    def __init__(self, columns: int, rows: int) -> None:
+        self._size = (columns, rows)
+        self._past: deque[tuple[int, Affine]] = deque(maxlen=_REST_FRAMES)
+        self._total: Affine = np.eye(2, 3)
+
+    def update(self, motion: MotionEstimate, t_ns: int) -> bool:
+        """Whether the camera has not moved for `_STANDING_S`."""
+        if not motion.is_known:
+            self._past.clear()
+            return False
+        self._total = compose(motion.affine, self._total)
+        self._past.append((t_ns, self._total))
+        while len(self._past) > 1 and t_ns - self._past[1][0] >= _STANDING_S * 1e9:
+            self._past.popleft()
+        if t_ns - self._past[0][0] < _STANDING_S * 1e9:
+            return False
+        return all(self._shift_px(then) < _STOOD_PX for _, then in self._past)
+
+    def _shift_px(self, then: Affine) -> float:
+        back = np.asarray(cv2.invertAffineTransform(then), np.float64)
+        return MotionEstimate(compose(self._total, back), 1.0).shift_px(*self._size)
+
+
+def _reduced(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(image[::_REDUCTION, ::_REDUCTION])

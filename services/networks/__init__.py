@@ -1,0 +1,1 @@
+"""Networks that find people, in ONNX files: a picture in, boxes and scores out."""
