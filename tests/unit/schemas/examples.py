@@ -1,4 +1,8 @@
-"""One fully filled example of every message; the golden files hold exactly these."""
+"""One fully filled example of every message; the golden files hold exactly these.
+
+`python -m tests.unit.schemas.examples` writes the golden bytes of the messages anew, for a change
+of the wire that is meant.
+"""
 
 from __future__ import annotations
 
@@ -38,6 +42,7 @@ from heel.schemas import (
     TargetRequest,
     Track,
     Tracks,
+    encode,
 )
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -171,3 +176,10 @@ EXAMPLES: tuple[Message, ...] = (
 def golden_bytes(name: str) -> bytes:
     """The bytes kept for a message, an image payload or a JPEG."""
     return bytes.fromhex((GOLDEN / f"{name}.hex").read_text())
+
+
+if __name__ == "__main__":
+    for example in EXAMPLES:
+        text = encode(example).hex()
+        lines = [text[start : start + 96] for start in range(0, len(text), 96)]
+        (GOLDEN / f"{example.schema_name}.hex").write_text("\n".join([*lines, ""]))
