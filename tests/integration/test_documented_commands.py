@@ -329,7 +329,7 @@ def test_what_takes_longer_is_run_too(tmp_path: Path, line: str) -> None:
             endpoint = f"tcp/127.0.0.1:{free_port()}"
             environment = {"HEEL_ROUTER__LISTEN": endpoint, "HEEL_ZENOH__CONNECT": endpoint}
             stack.enter_context(started("heel router", tmp_path, **environment))
-            words += ["--exit-at-end", "--no-pictures"]
+            words += ["--exit-at-end", "--no-pictures", "--perception", "simulated-boxes"]
         command = ["-m", "heel", *words[1:]] if words[0] == "heel" else words[1:]
         done = subprocess.run(
             [sys.executable, *command], cwd=tmp_path, text=True, capture_output=True, timeout=500,
