@@ -1,8 +1,8 @@
 """How much of the network a frame gets when its time is bounded.
 
 Whole frames as long as they fit. Otherwise whole frames at a lower rate, and between them closer
-looks at parts of the frame where they leave enough for the next whole one. Times are measured by
-whoever runs the network and given here as numbers.
+looks at parts of the frame where they leave enough for the next whole one. Times are measured
+where the network runs and given here as numbers.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What a background may learn, and what it has to unlearn.
 
-`StillnessGate` keeps it from learning the people in view at the start, `LateFrames` those who are
+`StillnessGate` keeps it from learning the people in view at the start, `LateFrames` those that are
 confirmed, and `GhostFinder` finds where a person was learned all the same and has walked away.
 """
 
@@ -190,7 +190,7 @@ class LateFrames:
 
 
 class GhostFinder:
-    """Finds foreground that is not there: the hole left by a person who was learned as background.
+    """Finds foreground that is not there: the hole left by a person that was learned as background.
 
     A region is a ghost when its outline is an edge of the background model and not of the frame.
     R. Cucchiara et al., "Detecting moving objects, ghosts, and shadows in video streams", PAMI

@@ -1,1 +1,1 @@
-"""Somebody a user pointed at, kept by the colours of their clothes: no background, no network."""
+"""The person a user pointed at, kept by the colours of the clothes: no background, no network."""

@@ -70,7 +70,7 @@ class Stance:
 
 
 class Doubt:
-    """Tells whether another person, who looks alike, has stepped in front.
+    """Tells whether another person that looks alike has stepped in front.
 
     Nobody comes much nearer at once: the height is compared with what it was lately.
     """

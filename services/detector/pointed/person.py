@@ -66,7 +66,7 @@ class Sighting:
         box_xyxy: working pixels.
         likeness: share of the usual likeness, 1 as ever.
         in_view: share of the body inside the picture.
-        doubted: whether it may be another person who looks alike.
+        doubted: whether it may be another person that looks alike.
         proven: whether it is known to be a person.
     """
 
