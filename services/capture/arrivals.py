@@ -16,13 +16,17 @@ _CLOCK_LEAP_S = 10.0
 _JOIN_S = 1.0
 """So long may a server send what it had kept before the newest picture is due."""
 _MEMORY_FRAMES = 32
+"""Latest pictures that the usual period is told from; chosen by hand."""
 _FEWEST_FRAMES = 3
+"""Pictures before which no period is told; chosen by hand."""
 _GAP_PERIODS = 3.0
+"""Usual periods of a pause that may be a stall; chosen by hand."""
 _SHORTEST_GAP_S = 0.1
 """A pause longer than both is a stall, a shorter one is jitter; chosen by hand."""
 _WAITED = 0.9
 """A picture that came so many periods after the last was waited for, not taken from a heap."""
 _CAUGHT_UP_FRAMES = 4
+"""Pictures in a row that were waited for, after which no heap is left; chosen by hand."""
 _SLOW_FRAMES = 3
 """As many long pauses in a row are a lower rate."""
 

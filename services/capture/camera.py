@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 STREAM_SCHEMES = frozenset({"rtsp", "rtsps", "http", "https"})
 _SLOW_READS = 2.5
-"""A camera whose rate is known may be silent for so many periods."""
+"""A camera of known rate may be silent for so many periods."""
 _SILENT: Warn = logging.getLogger("heel.capture.asked").debug
 _RTSP_OPTIONS = {"rtsp_flags": "prefer_tcp", "allowed_media_types": "video"}
 

@@ -25,5 +25,5 @@ class CreditWindow:
         return all(seq - done <= self._window for done in self._done.values())
 
     def slowest(self) -> str:
-        """Who holds the stream up."""
+        """The part that holds the stream up."""
         return min(self._done, key=lambda name: self._done[name], default="nobody")

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 _SERIAL = Fraction(1, 25)
 """Time base inside the filter, where frames carry serial numbers for times."""
 _UPRIGHT = (1, 0, 0, 1)
+"""Matrix of a picture that is not turned."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -20,7 +20,7 @@ class Picture:
     """One picture of a camera.
 
     Attributes:
-        image: (H, W, 3) uint8 BGR; nobody writes to it afterwards.
+        image: (H, W, 3) uint8 BGR; not written to afterwards.
         taken_ns: `time.monotonic_ns()` when the camera gave it away, as near as can be told; in a
             buffer it grows old.
         skipped: pictures before it that came, and were left out for this newer one.

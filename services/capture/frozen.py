@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _ROW_STRIDE = 16
+"""Rows, of which one is looked at first; chosen by hand."""
 _BLANK_DEVIATION = 5.0
 """8-bit levels. A covered lens deviates by its noise, 1 to 4; a dim street by 20 and more."""
 
@@ -27,7 +28,7 @@ class NewsWatch:
         """What the last picture showed in place of news; empty if it was new."""
 
     def update(self, image: NDArray[np.uint8], now_ns: int) -> int:
-        """Take the next frame, (H, W, 3) uint8, which nobody may write to afterwards.
+        """Take the next frame, (H, W, 3) uint8, which is not to be written to afterwards.
 
         Args:
             image: the frame.

@@ -19,6 +19,7 @@ IMAGE_SUFFIXES = frozenset(
 VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".ts"})
 
 _MAX_WARNINGS = 10
+"""Pictures that cannot be read and are named one by one; chosen by hand."""
 
 
 class ImageFolderSource(FrameSource):

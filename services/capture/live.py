@@ -25,8 +25,9 @@ Connect = Callable[[], Device]
 """Opens the camera or raises SourceError; may block for some seconds."""
 
 _BEHIND_S = 0.3
+"""Pictures later than this are told of as late; chosen by hand."""
 _CAUGHT_UP_S = 0.15
-"""Pictures later than the one are told, up to when they are no later than the other."""
+"""Until they are no later than this; chosen by hand."""
 _BEHIND = (
     f"its pictures come more than {_BEHIND_S:g} s late: the camera, the link or this processor "
     "does not keep up; ask the camera for fewer or smaller pictures"

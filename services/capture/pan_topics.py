@@ -22,6 +22,7 @@ from heel.services.runtime.service import ServiceContext
 LISTEN_S = 0.01
 """Between two looks at the topics: the drive speaks every 0.02 s."""
 _ODOMETRY_S = 0.02
+"""Seconds between two messages of odometry: 50 a second, as a robot sends."""
 _TOPICS = ("drive", "state", "tracks")
 
 

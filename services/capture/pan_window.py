@@ -14,10 +14,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from heel.schemas.errors import SourceError
 
 _REMEMBERED_FRAMES = 256
+"""Frames whose window is remembered: more than tracks may be behind."""
 _WHOLE_PIXEL = 1.0 / 32.0
 """warpAffine resolves no finer fractions of a pixel."""
 _TILT_GAIN_PER_S = 2.0
+"""Tilt speed by the person's offset from the middle, 1/s; chosen by hand."""
 _TILT_DEADBAND_RAD = 0.03
+"""Offset that is left alone: boxes scatter by so much."""
 
 
 class PanSettings(BaseModel):

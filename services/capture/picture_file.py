@@ -15,6 +15,7 @@ from heel.schemas.errors import SourceError
 from heel.schemas.image import MAX_IMAGE_PIXELS, jpeg_size
 
 _LARGEST_FILE_BYTES = 512 << 20
+"""Of a picture file; larger than the largest picture without compression. Chosen by hand."""
 _DEEP_FLAGS = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
 _LEAST_SPREAD = 1 / 8
 """Share of the range of 16 bits below which a picture would come out flat; chosen by hand."""
@@ -22,6 +23,7 @@ _MARGIN = 0.25
 """Of the first picture's spread, left on both sides for what later ones show."""
 _TIFF_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
 _TIFF_TYPES = {3: "H", 4: "I"}
+"""TIFF 6.0, section 2: SHORT and LONG."""
 
 
 class Stretch:

@@ -18,8 +18,11 @@ if TYPE_CHECKING:
     from av.video.stream import VideoStream
 
 _MOST_PACKETS = 64
+"""Packets that wait to be decoded: two seconds of a camera."""
 _MOST_BYTES = 16 << 20
+"""Of those packets together; chosen by hand."""
 _FIRST_TIMEOUT_S = 10.0
+"""Seconds that a camera has for its first packet; chosen by hand."""
 
 
 class ReadAhead:

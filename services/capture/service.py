@@ -89,7 +89,7 @@ class CaptureService:
             try:
                 reason = self._send_all()
             except HeelError as error:
-                # Whoever listens is told that nothing more comes, then the error goes its way.
+                # Listeners are told that nothing more comes, then the error goes its way.
                 self._end(str(error)[:512])
                 raise
             self._end(reason)
@@ -155,7 +155,7 @@ class CaptureService:
         started_ns = time.monotonic_ns()
         acquired_ns = frame.acquired_ns or started_ns
         now_ns = time.monotonic_ns()
-        # A frozen or covered camera goes stale for everybody behind, and the robot stops.
+        # A frozen or covered camera goes stale for all behind, and the robot stops.
         seen_ns = frame.new_ns or acquired_ns
         age_ns = 0 if self._lossless else max(0, now_ns - seen_ns)
         if not self._lossless:

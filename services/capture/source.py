@@ -36,7 +36,7 @@ class Frame:
     """One picture.
 
     Attributes:
-        image: (H, W, 3) uint8 BGR, contiguous; nobody writes to it afterwards.
+        image: (H, W, 3) uint8 BGR, contiguous; not written to afterwards.
         index: position on the source's own timeline, from 0. Numbers are left out where a folder
             has a gap, a picture is unreadable or a camera was faster than its reader, so that
             frame `n` of a data set's ground truth is always `index + 1`.

@@ -12,7 +12,7 @@ STALE_S = 0.2
 
 
 class Steering:
-    """Pans with what the wheels are told, tilts after the person who is followed.
+    """Pans with what the wheels are told, tilts after the person that is followed.
 
     A robot has no tilt, so the window has a gimbal that follows no command: it brings the row of
     the target's box to the middle, and holds where the target is not seen.
@@ -36,7 +36,7 @@ class Steering:
         self._angular_radps, self._heard_s = angular_radps, at_s
 
     def hear_target(self, track_id: int | None) -> None:
-        """Take who is followed; nobody leaves the tilt as it is."""
+        """Take the person followed; without one the tilt stays as it is."""
         if track_id != self._target:
             self._target, self._row_px = track_id, None
 

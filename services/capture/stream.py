@@ -32,7 +32,9 @@ _HOPELESS_S = 5.0
 _BEHIND_S = 0.25
 """A decoder so far behind leaves out frames that no other needs."""
 _MOST_PACKETS = 500
+"""Packets that wait to be decoded: `_HOPELESS_S` of a fast camera; chosen by hand."""
 _MOST_BYTES = 64 << 20
+"""Of those packets together; chosen by hand."""
 _NO_TIME_STAMPS = 0x80
 """AVFMT_NOTIMESTAMPS: FFmpeg counts frames instead."""
 _GENERATE_STAMPS = 0x1

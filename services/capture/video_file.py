@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _LONGEST_GAP_S = 86_400.0
 """A time stamp that leaps by more than a day is a defect, not a pause."""
 _SLACK_FRAMES = 2.0
+"""Frames that may be missing at the end of a healthy file; chosen by hand."""
 _SLACK_S = 0.2
 """What may be missing at the end of a healthy file: containers round durations."""
 

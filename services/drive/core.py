@@ -31,7 +31,7 @@ class Drive:
 
     Args:
         settings: limits and times.
-        gate: who is believed; another one takes over when the first has been silent.
+        gate: the sender that is believed; another one takes over when the first has been silent.
     """
 
     def __init__(self, settings: DriveSettings, gate: ProducerGate | None = None) -> None:
@@ -55,7 +55,7 @@ class Drive:
 
         Args:
             command: as decoded, so all its numbers are finite.
-            producer: who sent it. One producer is obeyed until it has been silent.
+            producer: its sender. One producer is obeyed until it has been silent.
             now_s: monotonic time of its arrival.
         """
         self.refusal = ""

@@ -160,7 +160,7 @@ class DriveService:
             return self._stop.engaged and not before
         if arrival.encoding == EndOfStream.encoding():
             return self._end(arrival)
-        # The core judges whom to obey and what is new.
+        # The core judges which sender to obey and what is new.
         received = self._commands.message(arrival, MotionCommand, judged=False)
         if received is None:
             return False

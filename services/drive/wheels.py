@@ -135,7 +135,7 @@ class Wheels:
     def _note_failure(self, action: Callable[[], None]) -> None:
         try:
             action()
-        except Exception as error:  # reported by `check`: a driver is somebody else's code
+        except Exception as error:  # reported by `check`: a driver is foreign code
             with self._changed:
                 self._failure = f"{type(error).__name__}: {' '.join(str(error).split())}"[:200]
 

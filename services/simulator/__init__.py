@@ -1,1 +1,1 @@
-"""A world with people, and a robot whose camera moves when it is told to."""
+"""A world with people, and a robot with a camera that moves when it is told to."""

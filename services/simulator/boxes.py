@@ -1,6 +1,6 @@
 """Boxes of people as a detector would give them: with its errors, and without identities.
 
-It stands in for a detector of people where no picture is rendered. It knows where everybody is,
+It stands in for a detector of people where no picture is rendered. It knows where all people are,
 so its output says in every message that it is simulated.
 """
 
@@ -30,7 +30,7 @@ class DetectorErrors:
     """How wrong the boxes are.
 
     Attributes:
-        miss: share of well visible people who are missed, each frame for itself.
+        miss: share of well visible people that are missed, each frame for itself.
         burst_hz: how often a person begins to be missed for a while.
         burst_s: how long, on average.
         jitter_px, jitter_share: an edge is off by that, plus that share of the box's height;
@@ -99,7 +99,7 @@ class SimulatedDetector:
             blobs += _blobs(
                 false_boxes[large], false_scores[large], crops, np.full(len(crops), 0.7)
             )
-        # In order of scores, as detectors do: the order must not tell who is who.
+        # In order of scores, as detectors do: the order must not tell the identities.
         blobs.sort(key=lambda blob: blob.score or 0.0, reverse=True)
         return Blobs(
             **frame.model_dump(),

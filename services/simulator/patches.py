@@ -1,4 +1,4 @@
-"""The pixels that a detector would cut out under a box: clothes, background and who is before."""
+"""The pixels that a detector would cut out under a box: clothes, background and people in front."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Patches:
             [(o.hair, o.skin, o.top, o.legs, o.shoes) for o in outfits], np.float64
         )
         solid = np.array([o.colour for o in scenery.obstacles], np.float64).reshape(-1, 3)
-        # What hides somebody: people first, then obstacles, as in `Sight.hidden_by`.
+        # What hides a person: people first, then obstacles, as in `Sight.hidden_by`.
         self._upper = np.vstack([self._clothes[:, _TOP], solid])
         self._lower = np.vstack([self._clothes[:, _LEGS], solid])
 
@@ -91,9 +91,9 @@ class Patches:
         """Crops of people.
 
         Args:
-            people: everybody.
+            people: all of them.
             robot: where the camera is.
-            sight: everybody as seen from there.
+            sight: all people as seen from there.
             found: indices (K,) of those to draw.
             boxes: (K, 4) what the detector cut out, pixels.
             light: of the moment.
@@ -178,7 +178,7 @@ def _body(true: Array, stride_rad: Array, x: Array, y: Array) -> tuple[Index, ND
     aside = np.abs(x - 0.5)[:, None, :] * width[:, None, None]
     part = np.searchsorted(_PARTS_END, y)
     half = np.where((y > 0.0) & (y < 1.0), _HALF_WIDTH[part], 0.0)
-    # The background shows between the legs of somebody in mid-step.
+    # The background shows between the legs of a person in mid-step.
     swing = 0.05 * np.abs(np.sin(stride_rad))[:, None]
     gap = swing * np.maximum(y - 0.55, 0.0) / 0.45
     return part, (aside < half[:, :, None]) & (aside >= gap[:, :, None])

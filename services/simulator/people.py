@@ -1,8 +1,8 @@
 """How people move: towards where they mean to go, and out of each other's way.
 
-Walkers look ahead: whoever would come too close within two seconds is avoided sideways, the more
+Walkers look ahead: one that would come too close within two seconds is avoided sideways, the more
 the sooner (predictive collision avoidance after Karamouzas, Heil, van Beek and Overmars, Motion in
-Games 2009). Those who stand do not step aside. Nobody walks into the robot: only the robot's own
+Games 2009). People that stand do not step aside. None walks into the robot: only the robot's own
 motion can close the last centimetres, so that contacts count against the robot.
 """
 
@@ -22,7 +22,7 @@ from heel.services.simulator.walks import Situation, Walker
 Array = NDArray[np.float64]
 
 _HORIZON_S = 2.0
-"""People look so far ahead for whom they would meet; chosen by hand."""
+"""Seconds that people look ahead for others in their way; chosen by hand."""
 _PERSON_MARGIN_M = 0.35
 """Air that people keep between each other; chosen by hand."""
 _ROBOT_MARGIN_M = 1.1
@@ -43,13 +43,13 @@ _ROBOT_GAP_M = 0.05
 """No person steps into this much air around the robot by themselves, so that every contact is the
 robot's doing."""
 _ON_THEIR_FEET = 0.95
-"""Share of the height of walking from which on whoever gets up walks."""
+"""Share of the height of walking from which on a person that gets up walks."""
 _STRIDE_PER_HEIGHT = 0.8
 """Length of a double step over stature; 1.4 m at 1.75 m."""
 
 
 class Crowd:
-    """Everybody in the world, as arrays.
+    """All people in the world, as arrays.
 
     Attributes:
         place: (N, 2) metres.
@@ -75,14 +75,14 @@ class Crowd:
         self.shape: Array = self._wished_shape()
 
     def step(self, t_s: float, dt_s: float, robot: RobotState, robot_radius_m: float) -> None:
-        """Move everybody by `dt_s`."""
+        """Move all by `dt_s`."""
         wish = self._wishes(t_s, dt_s, robot)
         self._change_posture(dt_s)
         down = self.shape[:, 0] < _ON_THEIR_FEET * self._walking_tall
         wish[down] = 0.0
         walking = (wish != 0.0).any(1)
         away = self._avoid_others(robot, robot_radius_m)
-        # Nobody need look out for walls who cannot have come near one since the last look.
+        # A person need not look out for walls that cannot have come near since the last look.
         near_walls = self._free_m <= 0.0 and len(self._solids) > 0
         if near_walls:
             away = away + self._avoid_solids()
@@ -128,7 +128,7 @@ class Crowd:
         return np.array([(shape.tall, shape.wide) for shape in shapes])
 
     def _change_posture(self, dt_s: float) -> None:
-        """Towards the posture that everybody wishes to be in."""
+        """Towards the posture that each wishes to be in."""
         wished = self._wished_shape()
         falls = np.array([walker.posture == "lying" for walker in self._walkers])
         most = np.where(falls, FALL_PER_S, CHANGE_PER_S)[:, None] * dt_s
@@ -144,7 +144,7 @@ class Crowd:
         return bool(((entry < 1.0) & (self._solids.height_m > 2.0)).any(1).all())
 
     def _avoid_others(self, robot: RobotState, robot_radius_m: float) -> Array:
-        """Velocity (N, 2) to add, from everybody (and the robot, the last column)."""
+        """Velocity (N, 2) to add, from all (and the robot, the last column)."""
         count = len(self.place)
         robot_velocity = robot.linear_mps * np.array(
             [math.cos(robot.heading_rad), math.sin(robot.heading_rad)]
@@ -157,7 +157,7 @@ class Crowd:
         until_s = approach / np.maximum((closing * closing).sum(-1), 1e-6)
         until_s = np.minimum(np.maximum(until_s, 0.0), _HORIZON_S)
         closest = offset - closing * until_s[..., None]
-        # Two who meet head on both keep to the right.
+        # Two that meet head on both keep to the right.
         closest[..., 0] -= 0.1 * closing[..., 1]
         closest[..., 1] += 0.1 * closing[..., 0]
         distance = np.sqrt((closest * closest).sum(-1))
@@ -201,7 +201,7 @@ class Crowd:
         )
         course = np.arctan2(self.velocity[:, 1], self.velocity[:, 0])
         turn = np.remainder(course - self.heading_rad + math.pi, 2 * math.pi) - math.pi
-        # Who hardly moves keeps looking where they looked.
+        # A person that hardly moves keeps looking the same way.
         turn = np.where(step_m > 0.2 * dt_s, turn, 0.0)
         most = _TURN_RADPS * dt_s
         heading = self.heading_rad + np.minimum(np.maximum(turn, -most), most)

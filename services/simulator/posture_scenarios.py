@@ -1,4 +1,4 @@
-"""Episodes with people who are not upright adults: postures, children, a wheelchair, a table."""
+"""Episodes with people that are not upright adults: postures, children, a wheelchair, a table."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from heel.services.simulator.walks import Leg, Walk
 _TABLE = (0.7, 1.6, 0.75)
 """Depth, width and height in metres of a table for four."""
 _BEHIND_M = 0.97
-"""From the middle of a table to who sits at it; people keep off what they do not touch."""
+"""From the middle of a table to a person sitting at it; people keep off what they do not touch."""
 
 
 def _posture(posture: Posture) -> Callable[[Stage, str], Scenario]:
@@ -28,7 +28,7 @@ def _posture(posture: Posture) -> Callable[[Stage, str], Scenario]:
         legs.append(Leg(x_m + stage.uniform(2.0, 4.0), y_m))
         _target(stage, Walk(speed, tuple(legs), start_s=stage.uniform(2.0, 3.5)))
         if stage.rng.random() < 0.5:
-            # Somebody else in that posture, beside the way.
+            # Another person in that posture, beside the way.
             side = 1.0 if stage.rng.random() < 0.5 else -1.0
             at_x, at_y = legs[0].x_m * stage.uniform(0.3, 0.8), side * stage.uniform(0.9, 1.6)
             stay = Leg(at_x, at_y, pause_s=60.0, posture=posture)

@@ -1,4 +1,4 @@
-"""What is seen of people who do not stand upright, as shares of their stature."""
+"""What is seen of people that do not stand upright, as shares of their stature."""
 
 from __future__ import annotations
 
@@ -38,6 +38,6 @@ SHAPES: dict[Posture, Shape] = {
 """Estimated from photographs; heights of seated people after anthropometric tables (Pheasant)."""
 UPRIGHT = SHAPES["upright"]
 CHANGE_PER_S = 0.6
-"""Of `tall`: down into a crouch in 0.8 s. Who falls is at the mercy of gravity."""
+"""Of `tall`: down into a crouch in 0.8 s. A person that falls is at the mercy of gravity."""
 FALL_PER_S = 1.6
 """Of `tall`: from upright to the floor in about 0.6 s, somewhat slower than free fall."""

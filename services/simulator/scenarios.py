@@ -66,7 +66,7 @@ def _stands_still(stage: Stage, name: str) -> Scenario:
 def _pillar(stage: Stage, name: str) -> Scenario:
     """Turns round the end of a broad pillar beside the way, out of view for 3 s, and steps out.
 
-    Turned round, because who follows closely sees round a corner that is only turned at.
+    Turned round, because a robot that follows closely sees round a corner that is only turned at.
     """
     speed = stage.uniform(0.7, 1.0)
     length, depth = stage.uniform(2.2, 2.8), stage.uniform(0.5, 0.8)
@@ -77,7 +77,7 @@ def _pillar(stage: Stage, name: str) -> Scenario:
         Leg(end_m + 0.2, 0.0),
         Leg(end_m + 0.5, behind - 0.3),
         Leg(end_m - 0.3 * length, behind - 0.5, hidden_s=2.3),
-        # Comes out near enough that who waits need not drive before the way is clear.
+        # Comes out near enough that a robot that waits need not drive before the way is clear.
         Leg(end_m + 0.5, behind - 0.2),
         Leg(end_m + 0.8, -0.1),
         Leg(*out),
@@ -128,7 +128,7 @@ def _distractors(count: int) -> Callable[[Stage, str], Scenario]:
 
 
 def _twin(stage: Stage, name: str) -> Scenario:
-    """A twin crosses between or comes the other way, close by; perhaps somebody else crosses."""
+    """A twin crosses between or comes the other way, close by; perhaps another person crosses."""
     speed = stage.uniform(0.7, 1.1)
     way = _gentle(stage, speed * stage.uniform(30, 42))
     _send(stage, speed, way)
@@ -161,7 +161,7 @@ def _crowd(stage: Stage, name: str) -> Scenario:
     _send(stage, speed, [(length / 2, stage.uniform(-0.4, 0.4)), (length, 0.0)])
     for index in range(int(stage.rng.integers(6, 10))):
         lane, row = stage.uniform(0.8, half - 0.5) * _sign(stage), index // 3
-        # One behind the other, so that nobody begins on another's feet.
+        # One behind the other, so that none begins on another's feet.
         if index % 3 == 0:
             start = 3.0 + 2.5 * row + stage.uniform(0.0, 1.5)
             walk = Walk(speed * stage.uniform(0.8, 1.15), (Leg(length + 3.0, lane),))
@@ -204,7 +204,7 @@ SCENARIOS: dict[str, Callable[[Stage, str], Scenario]] = {
     "crowd": _crowd,
     "drop-out": _drop_out,
 }
-"""By name, in the order of the tables; the number of a `distractor` is that of people who cross."""
+"""By name, in the order of the tables; the number of a `distractor` is of people that cross."""
 
 
 def _sign(stage: Stage) -> float:
@@ -221,7 +221,7 @@ def _send(
 
 
 def _start(stage: Stage, speed_mps: float, legs: tuple[Leg, ...]) -> None:
-    """The target stands until whoever is to follow has had time to look."""
+    """The target stands until the robot has had time to look."""
     walk = Walk(speed_mps, legs, start_s=stage.uniform(2.0, 3.5))
     stage.add("target", 0.0, 0.0, stage.uniform(-0.3, 0.3), walk)
 
@@ -252,7 +252,7 @@ def _wander(
 
 
 def _bystanders(stage: Stage, count: int) -> None:
-    """People who stand or stroll beside the target's way, well off it and far from the start."""
+    """People that stand or stroll beside the target's way, well off it and far from the start."""
     far = max(leg.x_m for leg in stage.actors[0].walk.legs if isinstance(leg, Leg))
     rows = [leg.y_m for leg in stage.actors[0].walk.legs if isinstance(leg, Leg)]
     for _ in range(count):
@@ -267,7 +267,7 @@ def _bystanders(stage: Stage, count: int) -> None:
 
 
 def _crossers(stage: Stage, way: list[Place], roles: list[Role]) -> None:
-    """People beside the way who cross it just behind the target, one by one."""
+    """People beside the way that cross it just behind the target, one by one."""
     points = np.array([(0.0, 0.0), *way])
     steps = np.diff(points, axis=0)
     # Not on the first leg, and not near corners, which people round off.

@@ -51,7 +51,7 @@ class RangeRing:
 
     SECTORS = 36
     MAX_M = 6.0
-    # A person is 4 degrees wide at the greatest range: rays 3.3 degrees apart miss nobody.
+    # A person is 4 degrees wide at the greatest range: rays 3.3 degrees apart miss none.
     _RAYS = 3
 
     def __init__(self, rng: np.random.Generator) -> None:

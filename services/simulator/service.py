@@ -213,7 +213,7 @@ class _Episode:
         seed: int, renderer: Renderer | None,
     ) -> None:  # fmt: skip
         self.world, self.seed, self.renderer = world, seed, renderer
-        # Each episode is a stream of its own: nobody in it is anybody of the one before.
+        # Each episode is a stream of its own: no person in it is one of the episode before.
         self.identity = StreamIdentity(
             context.settings.camera, secrets.randbits(63), context.producer
         )

@@ -1,4 +1,4 @@
-"""Settings of the simulator: which episode, which camera, and who sees the people."""
+"""Settings of the simulator: which episode, which camera, and how people are seen."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Obstacles as arrays: what rays hit, and where discs come to rest against them.
 
 Everything that stands in the world is an upright box, so both questions are asked in plan, each
-box in its own axes; heights only matter to who looks over it.
+box in its own axes; heights only matter to a view over it.
 """
 
 from __future__ import annotations

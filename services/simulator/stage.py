@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Place = tuple[float, float]
 
 MAX_PEOPLE = 16
-"""That a scenario may hold: so many outfits are made, so that adding a person dresses nobody
+"""That a scenario may hold: so many outfits are made, so that adding a person dresses no other
 anew."""
 WALL_M = 0.2
 """Thickness; chosen by hand."""
@@ -41,7 +41,7 @@ SHORTEST_S = 30.0
 LONGEST_S = 60.0
 """Of an episode; chosen by hand: a set of episodes stays within hours."""
 _CLEARANCE_M = 1.5
-"""Between furniture and everybody's way, so that who follows by sight alone meets none."""
+"""Between furniture and all ways, so that a robot that follows by sight alone meets none."""
 _FURNITURE = (
     # length, width, height: cupboard, table, sofa, shelf, low cabinet.
     (1.2, 0.6, 1.9), (1.4, 0.8, 0.75), (1.9, 0.9, 0.8), (0.9, 0.35, 1.7), (1.0, 0.45, 0.9),
@@ -80,7 +80,7 @@ class Stage:
 
         Args:
             role, x_m, y_m, heading_rad, walk: as in `Actor`.
-            height_m, radius_m: of who is no adult on foot; None leaves them to chance.
+            height_m, radius_m: of a person that is no adult on foot; None leaves them to chance.
         """
         outfit = self._outfits[len(self.actors)]
         adult_m = self.uniform(1.55, 1.95)
@@ -128,14 +128,14 @@ class Stage:
             self.wall(corner, corners[(index + 1) % 4])
 
     def extent(self, margin_m: float) -> tuple[float, float, float, float]:
-        """The rectangle around everybody's ways and the robot, wider by a margin."""
+        """The rectangle around all ways and the robot, wider by a margin."""
         points = np.vstack([*self._ways(), [(self.robot.x_m, self.robot.y_m)]])
         x0, y0 = (points.min(0) - margin_m).tolist()
         x1, y1 = (points.max(0) + margin_m).tolist()
         return x0, y0, x1, y1
 
     def furnish(self, bounds: tuple[float, float, float, float], pieces: int) -> None:
-        """Scatter furniture where nobody walks; fewer pieces where there is no room."""
+        """Scatter furniture where no person walks; fewer pieces where there is no room."""
         ways = self._ways()
         # The robot comes along the target's way, from where it stands.
         ways[0] = np.vstack([[(self.robot.x_m, self.robot.y_m)], ways[0]])
@@ -153,7 +153,7 @@ class Stage:
                 pieces -= 1
 
     def surround(self) -> tuple[tuple[float, float, float, float], bool]:
-        """A hall or open ground around everybody, furnished; returns its bounds, and which."""
+        """A hall or open ground around all, furnished; returns its bounds, and which."""
         indoors = bool(self.rng.random() < 0.5)
         bounds = self.extent(self.uniform(2.0, 3.5) if indoors else 6.0)
         if indoors:
@@ -193,7 +193,7 @@ class Stage:
         return round(min(max(needed, SHORTEST_S), LONGEST_S), 1)
 
     def _ways(self) -> list[Array]:
-        """Everybody's places one after the other, each (K, 2)."""
+        """The places of all one after the other, each (K, 2)."""
         return [
             np.array(
                 [(a.x_m, a.y_m)]

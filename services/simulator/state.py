@@ -23,7 +23,7 @@ Floor = Literal["tiles", "wood", "asphalt", "grass"]
 
 @dataclass(frozen=True, slots=True)
 class Outfit:
-    """What somebody wears."""
+    """What a person wears."""
 
     hair: Colour
     skin: Colour
@@ -135,7 +135,7 @@ class WorldView(Protocol):
 
     @property
     def people(self) -> tuple[PersonState, ...]:
-        """Everybody, by id."""
+        """All people, by id."""
 
     @property
     def brightness(self) -> float:

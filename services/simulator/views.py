@@ -1,4 +1,4 @@
-"""What a camera could see of everybody: boxes, and which parts of them are hidden by what."""
+"""What a camera could see of people: boxes, and which parts of them are hidden by what."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ ROWS = 9
 NEAR_M = 0.25
 """What is nearer than this to the camera has no box."""
 _STEP_PER_HEIGHT = 0.16
-"""What the legs of somebody in full stride seen from the side add to the width."""
+"""What the legs of a person in full stride seen from the side add to the width."""
 _STRIDES_FROM = 0.95
-"""Who is not upright makes no steps."""
+"""A person that is not upright makes no steps."""
 _BODY_RADIUS_M = 0.2
 """Of what a body hides; arms and gaps let more through than the body as a disc does."""
 _ACROSS = (np.arange(COLUMNS) + 0.5) / COLUMNS - 0.5
@@ -34,7 +34,7 @@ _DOWN = (np.arange(ROWS) + 0.5) / ROWS
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """Everybody as seen from the robot, in the order of `WorldView.people`.
+    """All people as seen from the robot, in the order of `WorldView.people`.
 
     Attributes:
         box_xyxy: (N, 4) pixels, unclipped and unoccluded; 0 where not `in_front`.
@@ -61,7 +61,7 @@ def lens(mount: CameraMount) -> GroundCamera:
 
 
 def look(world: WorldView, solids: Solids, mount: CameraMount) -> Sight:
-    """See everybody from where the robot is now; `solids` are the world's obstacles."""
+    """See all people from where the robot is now; `solids` are the world's obstacles."""
     people, robot = world.people, world.robot
     table = np.array(
         [

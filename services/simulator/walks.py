@@ -1,4 +1,4 @@
-"""Where people mean to go: ways made of legs, and how far along somebody is."""
+"""Where people mean to go: ways made of legs, and how far along a person is."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from heel.services.simulator.postures import Posture
 
 _ROUND_CORNER_M = 0.4
-"""A point of the way on which nobody stops is passed within this; chosen by hand: walkers cut
+"""A point of the way at which no person stops is passed within this; chosen by hand: walkers cut
 corners."""
 _STAND_WITHIN_M = 0.12
 """One at which a walker stops is reached within this; chosen by hand."""
@@ -47,7 +47,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """Cross the target's way at a place, just behind the target: before who follows it.
+    """Cross the target's way at a place, just behind the target: before the robot that follows it.
 
     Waits for the moment to set off, and then walks straight on whatever the target does.
 
@@ -91,10 +91,10 @@ class Situation:
 
 
 class Walker:
-    """How far along a walk somebody is.
+    """How far along a walk a person is.
 
     Attributes:
-        posture: that they wish to be in now; whoever gets up walks on when they stand.
+        posture: wished for now; a person that gets up walks on once it stands.
     """
 
     def __init__(self, walk: Walk, x_m: float, y_m: float) -> None:
@@ -113,7 +113,7 @@ class Walker:
         return self._index == len(self._walk.legs)
 
     def wish(self, x_m: float, y_m: float, situation: Situation) -> tuple[float, float]:
-        """The velocity that somebody at (x, y) would like to have now; (0, 0) to stand."""
+        """The velocity that a person at (x, y) would like to have now; (0, 0) to stand."""
         if situation.t_s < self._walk.start_s:
             return 0.0, 0.0
         self.posture = self._walk.posture
@@ -147,7 +147,7 @@ class Walker:
         if self._is_stop(leg):
             return distance < _STAND_WITHIN_M
         way_x, way_y = leg.x_m - self._came_from[0], leg.y_m - self._came_from[1]
-        # Somebody who was pushed aside and walked past need not turn back for the corner.
+        # A person that was pushed aside and walked past need not turn back for the corner.
         passed = distance < _BESIDE_M and ahead_x * way_x + ahead_y * way_y < 0
         return distance < _ROUND_CORNER_M or passed
 
@@ -175,7 +175,7 @@ class Walker:
         ahead_m = (leg.x_m - target_x) * along_x + (leg.y_m - target_y) * along_y
         left_s = (ahead_m + leg.behind_m) / speed
         if not self._set_off:
-            # Whoever would come too late lets the robot pass.
+            # A person that would come too late lets the robot pass.
             due = left_s <= distance_m / ease_mps + _GET_GOING_S
             self._set_off = due and left_s > 0.7 * distance_m / ease_mps
             return ease_mps if self._set_off else 0.0

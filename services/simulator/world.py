@@ -47,7 +47,7 @@ class World:
         self.scenario = scenario
         self.seed = seed
         self._body = body or RobotBody()
-        # Streams of their own: how often a sensor is read must not change how anybody moves.
+        # Streams of their own: how often a sensor is read must not change how people move.
         drive, odometry, ranges = np.random.default_rng(seed).spawn(3)
         self._solids = Solids(scenario.scenery.obstacles)
         self._crowd = Crowd(scenario.people, self._solids)
@@ -83,7 +83,7 @@ class World:
 
     @property
     def people(self) -> tuple[PersonState, ...]:
-        """Everybody, by id; ids count from 1."""
+        """All people, by id; ids count from 1."""
         if self._people is None:
             self._people = self._take_stock()
         return self._people
@@ -109,7 +109,7 @@ class World:
 
     @property
     def contacts(self) -> int:
-        """How often the robot has come to touch somebody so far."""
+        """How often the robot has come to touch a person so far."""
         return self._contacts
 
     @property
@@ -146,7 +146,7 @@ class World:
         self._odometry.step(dt_s, self._robot.linear_mps, self._robot.angular_radps)
 
     def truth(self, seq: int, mount: CameraMount) -> SimTruth:
-        """The world as it is now, with everybody's box as seen from `mount`."""
+        """The world as it is now, with the boxes of all people as seen from `mount`."""
         sight = look(self, self._solids, mount)
         return SimTruth(
             seq=seq,
@@ -215,7 +215,7 @@ class World:
         ahead = (x_m - before.x_m) * math.cos(moved.heading_rad) + (y_m - before.y_m) * math.sin(
             moved.heading_rad
         )
-        # Whoever is held up has lost the speed; sliding along keeps its part of it.
+        # A robot that is held up has lost the speed; sliding along keeps its part of it.
         speed = max(min(ahead / dt_s, abs(moved.linear_mps)), -abs(moved.linear_mps))
         return replace(moved, x_m=x_m, y_m=y_m, linear_mps=speed)
 

@@ -1,4 +1,4 @@
-"""A scene that Heel draws itself: people to track, with known truth and nobody's footage."""
+"""A scene that Heel draws itself: people to track, with known truth and no real footage."""
 
 from __future__ import annotations
 

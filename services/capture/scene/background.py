@@ -10,16 +10,26 @@ from numpy.typing import NDArray
 
 from heel.services.capture.scene.projection import GroundCamera
 
-WALL_Z_M, WALL_TOP_M = 17.0, 5.0
+# Where things stand, metres to the right (x), away (z) and up (top); chosen by hand.
+WALL_Z_M = 17.0
+WALL_TOP_M = 5.0
 GRASS_Z_M = 14.2
-LAMP_X_M, LAMP_Z_M = 1.15, 7.6
-BUSH_X_M, BUSH_Z_M = -3.0, 9.4
-SUN_X, SUN_Z = 0.85, 0.35
-"""Metres that the shadow of a point one metre high lies to the right, and away."""
+LAMP_X_M = 1.15
+LAMP_Z_M = 7.6
+BUSH_X_M = -3.0
+BUSH_Z_M = 9.4
+SUN_X = 0.85
+"""Metres that the shadow of a point one metre high lies to the right; chosen by hand."""
+SUN_Z = 0.35
+"""Metres that it lies away; chosen by hand."""
 
 Image = NDArray[np.uint8]
 _SUPERSAMPLE = 2
-_PAVING_M, _PAVING_PX_PER_M = 12.0, 120.0
+"""Factor by which the picture is drawn larger before it is shrunk; chosen by hand."""
+_PAVING_M = 12.0
+"""Side of the drawn piece of paving, metres; chosen by hand."""
+_PAVING_PX_PER_M = 120.0
+"""Pixels per metre of it; finer than the camera sees it anywhere."""
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,21 @@ from numpy.typing import NDArray
 from heel.services.capture.scene.outfits import Bgr, Outfit
 from heel.services.capture.scene.projection import GroundCamera, Points
 
-THIGH_M, SHANK_M, ANKLE_M = 0.43, 0.42, 0.07
-UPPER_ARM_M, FOREARM_M = 0.29, 0.25
-SPINE_M, NECK_M, HEAD_M = 0.52, 0.10, 0.115
-HIP_HALF_M, SHOULDER_HALF_M = 0.085, 0.155
+# Lengths of the parts of a person 1.76 m tall, metres: those of adults, rounded by hand.
+THIGH_M = 0.43
+SHANK_M = 0.42
+ANKLE_M = 0.07
+UPPER_ARM_M = 0.29
+FOREARM_M = 0.25
+SPINE_M = 0.52
+NECK_M = 0.10
+HEAD_M = 0.115
+HIP_HALF_M = 0.085
+SHOULDER_HALF_M = 0.155
 STRIDE_M = 1.30
 """Ground covered by one cycle of both legs, so that feet do not slide."""
 
+# A circle of twelve corners, as round as a limb of some pixels can be seen to be.
 _TURN = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
 _CIRCLE = np.stack((np.cos(_TURN), np.sin(_TURN)), axis=-1)
 
@@ -49,7 +57,7 @@ class Stance:
 
 
 Joint = tuple[float, float, float]
-"""Forward, left, up in metres of a person 1.76 m tall who stands at the origin."""
+"""Forward, left, up in metres of a person 1.76 m tall that stands at the origin."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import Literal
 
 Bgr = tuple[int, int, int]
 
+# Skin and hair, 8-bit blue, green and red; chosen by hand.
 LIGHT: Bgr = (150, 180, 224)
 TAN: Bgr = (96, 134, 186)
 BROWN: Bgr = (62, 88, 132)

@@ -36,9 +36,11 @@ _SCRIPTS: dict[str, tuple[Walk, ...]] = {
     "empty": (),
 }
 _NOISE_MARGIN_PX = 64
+"""Pixels by which the field of noise is larger than the picture: it is shifted every frame."""
 _GOLDEN = 2654435769
 """2**32 divided by the golden ratio (Knuth, TAOCP 3, 6.4): multiples of it spread evenly."""
 _EMPTY_SCENE_S = 4.0
+"""Seconds that a scene without people lasts; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ class Scene:
 
     Attributes:
         settings: what it was made from.
-        period_s: length of one pass, after which everybody starts again.
+        period_s: length of one pass, after which all start again.
         frame_count: frames to play; higher indices go on with the next pass.
     """
 
@@ -97,7 +99,7 @@ class Scene:
         return self._add_noise(image, index)
 
     def truth(self, index: int) -> list[Truth]:
-        """Everybody of whom a part is inside frame `index`, by id; also those fully hidden."""
+        """All people with a part inside frame `index`, by id; also those fully hidden."""
         size = (self._camera.height, self._camera.width)
         labels = np.zeros(size, np.uint8)
         waiting = list(self._occluders)

@@ -1,4 +1,4 @@
-"""Who walks where: choreographies in seconds and ground positions, turned into stances."""
+"""Where people walk: choreographies in seconds and ground positions, turned into stances."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ OUTSIDE = 1.45
 """Where people wait out of sight with their shadows, in half widths of the picture."""
 
 _GRID_HZ = 50.0
+"""Places a second at which a walk is laid out; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -40,22 +41,23 @@ DEMO = (
     Walk(0.0, 1.35, ((OUTSIDE, 8.3), (-OUTSIDE, 8.6))),
     # Stops and stands for six seconds.
     Walk(0.8, 1.3, ((-OUTSIDE, 10.4), (-0.12, 10.0), (OUTSIDE, 11.2)), {1: 6.0}),
-    # Comes from behind and passes the one who stands.
+    # Comes from behind and passes the one that stands.
     Walk(1.6, 1.25, ((OUTSIDE, 12.4), (-0.05, 10.9), (-OUTSIDE, 8.0))),
     # Walks towards the camera.
     Walk(3.4, 1.4, ((OUTSIDE, 13.0), (0.15, 11.6), (-0.3, 6.6), (-1.6, 5.6))),
-    # Two who walk side by side and never part.
+    # Two that walk side by side and never part.
     Walk(6.2, 1.35, ((-OUTSIDE, 9.2), (OUTSIDE, 8.8))),
     Walk(6.2, 1.35, ((-OUTSIDE, 9.8), (OUTSIDE, 9.4))),
 )
 
+# Metres and metres per second, chosen by hand.
 CROSSING = (
     Walk(0.4, 1.4, ((-OUTSIDE, 7.2), (OUTSIDE, 7.2))),
     Walk(0.4, 1.4, ((OUTSIDE, 7.6), (-OUTSIDE, 7.6))),
 )
 
 PACING = (Walk(0.0, 1.2, ((-0.6, 7.0), (0.6, 7.2), (-0.6, 7.0))),)
-"""Somebody who never leaves the picture: a robot has somebody to follow at any time."""
+"""A person that never leaves the picture: a robot has one to follow at any time."""
 
 
 def choose_walks(script: tuple[Walk, ...], people: int, rng: np.random.Generator) -> list[Walk]:
@@ -137,7 +139,7 @@ def _smooth(values: NDArray[np.float64], window_s: float) -> NDArray[np.float64]
 
 
 def _headings(step: NDArray[np.float64], speed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Walking direction in radians without jumps; who stands keeps the last one."""
+    """Walking direction in radians without jumps; a person that stands keeps the last one."""
     moving = np.flatnonzero(speed > 0.15)
     if moving.size == 0:
         return np.zeros(speed.size)

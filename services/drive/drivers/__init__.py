@@ -1,4 +1,4 @@
-"""Drivers by name: those of Heel, and those that somebody else's package brings along."""
+"""Drivers by name: those of Heel, and those that another package brings along."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def open_driver(name: str, options: str) -> Driver:
         driver = installed[name].load()(options)
     except HeelError:
         raise
-    except Exception as error:  # somebody else's code may raise anything
+    except Exception as error:  # foreign code may raise anything
         raise HeelError(
             f"driver {name} ({installed[name].value}) cannot be opened: {_one_line(error)}: check "
             "--driver-options, the cable and that no other program uses the board"

@@ -7,6 +7,7 @@ import logging
 from heel.services.drive.drivers.base import Driver
 
 _WORTH_A_LINE = 0.1
+"""Change of a velocity that is logged, m/s or rad/s; chosen by hand."""
 _log = logging.getLogger("heel.drive.wheels")
 
 

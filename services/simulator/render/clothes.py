@@ -94,7 +94,7 @@ def head(outfit: Outfit) -> Picture:
 
 
 def shadow() -> Picture:
-    """A soft dark spot under somebody, (64, 64, 4)."""
+    """A soft dark spot under a person, (64, 64, 4)."""
     axis = np.linspace(-1, 1, 64)
     away = np.hypot(*np.meshgrid(axis, axis))
     picture = np.zeros((64, 64, 4), np.uint8)
@@ -109,6 +109,6 @@ def _contrast(colour: Colour) -> Field:
 
 
 def _with_folds(picture: Field) -> Picture:
-    # The same folds in everybody's clothes: what tells people apart is what they wear.
+    # The same folds in all clothes: what tells people apart is what they wear.
     folds = clouds(np.random.default_rng(41), (_SIZE, _SIZE), 4, 5)
     return np.clip(picture * (1 + 0.07 * folds[..., None]), 0, 255).astype(np.uint8)

@@ -75,7 +75,7 @@ class Figure:
             # The knee bends while its leg comes forward.
             knee = effort * (_KNEE_BEND_RAD * max(0.0, math.cos(phase + 0.35)) ** 2 + 0.05)
             bends.append((thigh, knee))
-        # The longer reach touches the ground, whatever the step: nobody sinks or floats.
+        # The longer reach touches the ground, whatever the step: no figure sinks or floats.
         reach = max(_reach(thigh, knee) for thigh, knee in bends)
         for (hip, knee_joint, ankle), (thigh, knee) in zip(self._legs, bends, strict=True):
             hip.get_parent().set_sz(_HIP / reach)

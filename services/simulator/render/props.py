@@ -20,13 +20,13 @@ from heel.services.simulator.state import Colour, Obstacle, Outfit, PersonState
 _PAPER = (512, 256)
 """Pixels, height and width."""
 _PAPER_M = 2.0
-"""Height of the paper on which somebody 1.75 m tall is drawn."""
+"""Height of the paper on which a person 1.75 m tall is drawn."""
 _WOOD: Colour = (104, 74, 48)
 """Of the coat stand; chosen by hand."""
 
 
 def drawn_person(seed: int) -> Picture:
-    """Somebody life-size on a sheet of paper 2 m high and 1 m wide, (512, 256, 3)."""
+    """A person life-size on a sheet of paper 2 m high and 1 m wide, (512, 256, 3)."""
     rng = np.random.default_rng([seed, 51])
     picture = coloured(grey(226), (clouds(rng, _PAPER, 16, 3), grey(4)))
     outfit, middle, metre = _outfit(seed), _PAPER[1] // 2, _PAPER[0] / _PAPER_M
@@ -101,7 +101,7 @@ def frame_of_glass(obstacle: Obstacle) -> Any:
 def mirror_images(
     people: Iterable[PersonState], obstacles: Iterable[Obstacle], eye: tuple[float, float]
 ) -> Iterator[PersonState]:
-    """Everybody's images in the panes, as far as they are seen from a place; ids below 0."""
+    """Images of all people in the panes, as far as they are seen from a place; ids below 0."""
     panes = [thing for thing in obstacles if thing.look == "glass"]
     for index, pane in enumerate(panes):
         along = math.cos(pane.heading_rad), math.sin(pane.heading_rad)

@@ -19,7 +19,7 @@ from heel.services.simulator.state import CameraMount, Outfit, PersonState, Scen
 
 
 class Renderer:
-    """Draws one scenery and whoever walks in it. Use as a context manager.
+    """Draws one scenery and the people in it. Use as a context manager.
 
     Equal worlds give equal pixels, apart from the automatic exposure, which depends on the frames
     drawn before.
@@ -67,7 +67,7 @@ class Renderer:
         return self._camera.draw()
 
     def _cast(self, people: tuple[PersonState, ...]) -> None:
-        """Pose everybody; bodies come and go with their people."""
+        """Pose all people; bodies come and go with their people."""
         present = {person.id for person in people}
         for gone in self._figures.keys() - present:
             self._figures.pop(gone)[1].root.remove_node()
