@@ -129,6 +129,47 @@ def test_a_camera_is_never_believed_to_lie_on_the_floor() -> None:
     assert 0.08 < ground.line.fall_m < 0.16
 
 
+def _walked_about(camera_m: float = 0.6, seconds: float = 30.0) -> LearnedGround:
+    """A person has walked about before a level camera, 1 to 4 m away."""
+    ground = LearnedGround()
+    for frame in range(round(seconds / 0.05)):
+        distance_m = (1.0, 1.5, 2.0, 3.0, 4.0)[frame % 5]
+        ground.learn(camera_m / distance_m, distance_m, 0.02, 0.05 * frame)
+    return ground
+
+
+@pytest.mark.parametrize(("off", "teaches"), [(0.325, True), (0.35, False)])
+def test_a_box_a_third_off_is_of_a_person_that_does_not_stand_upright(
+    off: float, teaches: bool
+) -> None:
+    """Half a minute has taught the ground well enough to tell; before that, more would pass."""
+    ground = _walked_about()
+    before = ground.line
+    ground.learn((1.0 + off) * 0.6 / 2.0, 2.0, 0.02, 30.0)
+    assert (ground.line != before) is teaches
+
+
+def test_a_camera_that_was_moved_is_learned_anew_within_seconds() -> None:
+    ground = _walked_about()
+    for frame in range(60):
+        distance_m = (1.0, 1.5, 2.0, 3.0, 4.0)[frame % 5]
+        ground.learn(0.7 / distance_m, distance_m, 0.02, 30.0 + 0.05 * frame)
+    assert ground.line is not None
+    assert 0.66 < ground.line.fall_m < 0.7
+
+
+def test_people_in_one_picture_are_as_many_boxes_of_one_frame() -> None:
+    def after(dt_s: float) -> float:
+        ground = LearnedGround()
+        for box in range(6):
+            ground.learn(0.6, 2.0, 0.02, dt_s * box)
+        assert ground.line is not None
+        return ground.line.fall_m
+
+    assert after(0.0) == pytest.approx(after(0.05), abs=0.003)
+    assert after(0.0) != pytest.approx(after(0.025), abs=1e-6)
+
+
 # --- What ranges say of a box
 
 
