@@ -10,8 +10,10 @@ from typing import Protocol
 
 from heel.schemas import HeelError, SimTruth, Target, TargetRequest
 
-_FIRST_CLICK_S, _AGAIN_S = 1.0, 0.5
-"""Until the first picture is taken in, and until a click is repeated; both chosen by hand."""
+_FIRST_CLICK_S = 1.0
+"""Until the first picture is taken in; chosen by hand."""
+_AGAIN_S = 0.5
+"""Until a click is repeated; chosen by hand."""
 _LEAST_VISIBLE = 0.5
 """Share of the target's box that is to be seen when the user clicks on it; chosen by hand."""
 _DOWN = 0.4

@@ -21,7 +21,10 @@ from heel.services.loops.panning.perception import WindowPerception
 from heel.services.loops.panning.truth import InWindow, TruePeople, in_window
 
 LEAST_INSIDE = 0.5
+"""Share of a person inside the window from which the person counts as in sight; chosen by hand:
+half a body."""
 LEAST_OVERLAP = 0.5
+"""Intersection over union from which a box is on a person: MOTChallenge's."""
 _STREAM = "front"
 
 

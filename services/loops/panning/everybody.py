@@ -14,6 +14,8 @@ from heel.services.loops.panning.perception import WindowPerception
 from heel.services.loops.panning.truth import NOBODY, TruePeople, read_people
 
 LEAST_VISIBLE_S = 3.0
+"""A person that is in the recording for less is not followed: an episode would be over at once;
+chosen by hand."""
 LEAD_IN_S = 3.0
 """The camera has stood there for so long when the person comes, where the recording allows."""
 

@@ -18,10 +18,14 @@ from heel.services.tracker.settings import TrackerSettings
 
 PerceptionName = Literal["true-boxes", "pixels"]
 
-_LEAST_INSIDE, _LEAST_PX = 0.25, 8.0
-"""Of a person cut by the window's border, that an annotator would still mark."""
+_LEAST_INSIDE = 0.25
+"""Share of a person inside the window that a person who draws boxes would mark; chosen by hand."""
+_LEAST_PX = 8.0
+"""Least side of a box that such a person would draw; chosen by hand."""
 _TRUE_SCORE = 0.95
+"""Of boxes that are the ground truth's: as sure as a detector gets."""
 _PATCH_ROWS = 96
+"""Pixels of a person that are kept with a box, as the detectors keep them."""
 
 
 class WindowPerception(Protocol):

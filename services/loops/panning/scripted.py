@@ -31,12 +31,23 @@ from heel.services.loops.panning.truth import (
 
 COUNTS_FROM = 0.6
 """Share of a person within the recording that has to lie in the window, else they do not count."""
-TREMBLE_PX, NOISE = 0.5, 2.0
-"""Standard deviations: of the window's place in each direction, and of its grey levels."""
-_APPROACH, _FASTEST_PX = 0.15, 8.0
-_PAN_PERIOD, _TILT_PERIOD = 464.0, 331.0
+TREMBLE_PX = 0.5
+"""Standard deviation of the window's place in each direction; chosen by hand."""
+NOISE = 2.0
+"""Standard deviation of grey levels; chosen by hand."""
+_APPROACH = 0.15
+"""Share of its way to the person that the window goes in a frame; chosen by hand."""
+_FASTEST_PX = 8.0
+"""Farthest that it goes in a frame; chosen by hand."""
+_PAN_PERIOD = 464.0
+"""Frames of a swing to either side; with the tilt's it has no common divisor, so that no way is
+gone twice."""
+_TILT_PERIOD = 331.0
+"""Frames of a swing up and down."""
 _TILT_SHARE = 0.42
+"""Of the height that is free, up and down; chosen by hand: robots pan more than they tilt."""
 _LEAST_PX = 0.5
+"""A box with a smaller side is cut to nothing by the window."""
 
 Path2d = NDArray[np.float64]
 """(N, 2) pixels of the recording in the middle of the window, frame by frame."""

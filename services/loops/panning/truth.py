@@ -28,6 +28,7 @@ class TruePeople:
 
 
 NOBODY = TruePeople(np.zeros(0, np.int64), np.zeros((0, 4)))
+"""A frame without people."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,11 +34,20 @@ AIMS: tuple[Aim, ...] = get_args(Aim)
 WORLDS = ("straight", "stands-still", "distractor-2", "crowd", "light-switch", "pillar", "twin")
 OFF_PX = 40.0
 """An empty click is at least so far from everybody's true box."""
-_CLICK_S, _WATCHED_S = 1.0, 8.0
+_CLICK_S = 1.0
+"""When the click is made; chosen by hand: the picture has settled."""
+_WATCHED_S = 8.0
+"""Time from the click on that is watched: longer than a place is looked at without evidence."""
 _DRIVES_MPS = 0.01
+"""A robot that is slower stands."""
 _SHOWN_FRAMES = 3
-_CHEST, _THINGS_CHEST_M = 0.4, 1.2
+"""A box that is shown for fewer is a flicker nobody can click on; chosen by hand."""
+_CHEST = 0.4
+"""Share of a box above the place that is clicked on."""
+_THINGS_CHEST_M = 1.2
+"""Height above the ground at which things are clicked on: where a person's chest would be."""
 _WALL: tuple[int, int, int] = (225, 225, 225)
+"""Colour of what is put up; chosen by hand."""
 
 Point = tuple[float, float]
 Size = tuple[float, float, float]
@@ -46,6 +55,7 @@ _THINGS: dict[Look, Size] = {
     "drawn person": (1.0, 0.04, 2.0), "clothes": (0.4, 0.35, 1.75),
     "coat stand": (0.4, 0.4, 1.75), "glass": (3.0, 0.05, 2.1),
 }  # fmt: skip
+"""Width, depth and height in metres of things that may be taken for people."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from heel.services.simulator.state import Obstacle
 
 Reals = NDArray[np.float64]
 _MARGIN_M = 1e-3
+"""Points this near to a corner are beyond it, whatever rounding does."""
 
 
 class Floor:

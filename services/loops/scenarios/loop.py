@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from heel.services.loops.scenarios.pixels import Film
 
 _MS = 1_000_000
+"""Nanoseconds."""
 _CONTROL_MS = CONTROL_NS // _MS
 _RANGES_MS = 60
 """Range sensors measure in every third round, as the simulator's process lets them."""

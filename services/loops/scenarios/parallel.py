@@ -17,8 +17,11 @@ from heel.services.loops.scenarios.results import EpisodeResult
 from heel.services.runtime.process import PARENT_VARIABLE, die_with_parent
 
 _SILENCE_S = 600.0
+"""Without the end of any episode for so long, the run is given up: one takes a minute or two."""
 _KILL_S = 5.0
+"""Time in which workers end by themselves before they are killed; chosen by hand."""
 _POLL_S = 0.01
+"""Between two looks whether they have ended."""
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 

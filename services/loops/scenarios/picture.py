@@ -30,7 +30,9 @@ STATE_COLOURS = {
 }
 _TARGET, _OTHER, _WRONG, _SOLID = "#6a3fb5", "#b8c1cc", "#d11149", "#c9ced6"
 _MARK_EVERY_S = 5.0
+"""Marks along a way; chosen by hand."""
 _LONGEST_IN = 9.0
+"""Longer side of a picture; chosen by hand."""
 
 
 def draw_episode(
