@@ -49,17 +49,32 @@ class Stance:
         """Row of the middle of the box of a person so high."""
         return self.horizon + (self._below - 0.5) * height
 
-    def height(self, top: float | None, bottom: float | None) -> float | None:
-        """From the head, else from the feet, which stand in shadows; None if neither is known."""
+    def height(self, top: float | None, bottom: float | None, before: float) -> float | None:
+        """From the head or the feet, None if neither is known.
+
+        Colours go on into shadows below the feet, and into what is behind the head: of two, the
+        one nearer to the height before is told.
+
+        Args:
+            top, bottom: rows of head and feet, pixels.
+            before: height, pixels.
+        """
+        told = [height for height in self._heights(top, bottom) if height is not None]
+        return min(told, key=lambda height: abs(math.log(height / before)), default=None)
+
+    def _heights(
+        self, top: float | None, bottom: float | None
+    ) -> tuple[float | None, float | None]:
+        by_head = by_feet = None
         if top is not None and top < self.horizon:
-            return (self.horizon - top) / (1.0 - self._below)
+            by_head = (self.horizon - top) / (1.0 - self._below)
         if bottom is not None and bottom > self.horizon:
-            return (bottom - self.horizon) / self._below
-        return None
+            by_feet = (bottom - self.horizon) / self._below
+        return by_head, by_feet
 
     def least_height(self, top: float | None, bottom: float | None) -> float:
         """Of a person that the picture's border cuts off there; 0 for where it does not."""
-        told = (self.height(top, None), self.height(None, bottom))
+        told = self._heights(top, bottom)
         return max((height for height in told if height is not None), default=0.0)
 
     def correct(self, centre: float, height: float) -> None:

@@ -80,7 +80,7 @@ def strip_scores(likeness: list[FloatMap], height: int) -> FloatMap:
 
 
 def best_fit(
-    likeness: list[FloatMap], aim: tuple[float, float, float], slack: float
+    likeness: list[FloatMap], aim: tuple[float, float, float], slack: float, size_slack: float
 ) -> SilhouetteFit:
     """The place that explains the likeness best, near where the person should be.
 
@@ -89,6 +89,7 @@ def best_fit(
         aim: expected column and row of the middle of a person `PERSON_PX` high, and the row of
             the horizon, pixels.
         slack: 1, or more the longer nothing was seen.
+        size_slack: the same for the size.
     """
     column, row, horizon = aim
     best = SilhouetteFit(Place(0, 0, PERSON_PX), -math.inf)
@@ -99,7 +100,7 @@ def best_fit(
         stands = horizon + (row - horizon) * height / PERSON_PX
         down = (np.arange(scores.shape[0]) + centre[1] - stands) / (_OFF_STANCE * PERSON_PX)
         across = (np.arange(scores.shape[1]) + centre[0] - column) / (slack * _ASIDE * PERSON_PX)
-        growth = (math.log(height / PERSON_PX) / (_GROWTH * slack)) ** 2
+        growth = (math.log(height / PERSON_PX) / (_GROWTH * size_slack)) ** 2
         scores -= (_PENALTY * (down[:, None] ** 2 + across[None, :] ** 2 + growth)).astype(
             np.float32
         )

@@ -39,6 +39,9 @@ _LEAST_IN_VIEW = 0.35  # share of the body in the picture; chosen by hand
 _SEEN = 0.55  # share of the usual likeness at which the person is seen at all; chosen by hand
 _GOOD = 0.8  # share at which it is seen well enough to learn from; chosen by hand
 _FOUND = 0.75  # share at which it is found after a time out of sight; chosen by hand
+_MISFIT_SLACK = 2.0
+"""A size may change so much more readily while the person is seen less well than `_GOOD`: it is
+likely to be the size that does not fit; chosen by hand."""
 _LEAST_LIKENESS = 0.12  # the usual likeness is taken for no less: nothing stands out from its like
 _PERSON_RATE = 0.02  # share of the person's colours that is learned a frame: clothes change slowly
 _BESIDE_RATE = 0.2  # share of the colours beside it: what one walks past changes at once
@@ -92,6 +95,7 @@ class PointedPerson:
         self._colours = StripColours()
         self._doubt = Doubt()
         self._usual: float | None = None
+        self._share = 1.0
         self._frames = 0
         self.missed_s = 0.0
 
@@ -122,7 +126,9 @@ class PointedPerson:
         if self._usual is None:
             self._begin(bins, view)
         likeness = [layer * view.inside for layer in self._colours.likeness(bins)]
-        fit = best_fit(likeness, self._aim(view), 1.0 + 2.0 * min(self.missed_s, 1.0))
+        slack = 1.0 + 2.0 * min(self.missed_s, 1.0)
+        size_slack = slack if self._share > _GOOD else max(slack, _MISFIT_SLACK)
+        fit = best_fit(likeness, self._aim(view), slack, size_slack)
         if (sighting := self._judge(bins, likeness, fit, view, dt_s)) is None:
             self.missed_s = unseen_s
         elif self._doubt.raised(self._height / image.shape[0], dt_s):
@@ -142,13 +148,13 @@ class PointedPerson:
         like = likeness_at(likeness, fit.place) / max(within, _LEAST_IN_VIEW)
         if self._usual is None:
             self._usual = like
-        share = like / max(self._usual, _LEAST_LIKENESS)
+        self._share = share = like / max(self._usual, _LEAST_LIKENESS)
         needed = _FOUND if self.missed_s > _LOST_S else _SEEN
         if within < _LEAST_IN_VIEW or share < needed:
             return None
         self._move_to(fit.place, view, dt_s)
         self._stance.correct(self._y, self._height)
-        self._correct_height(likeness, fit.place, view)
+        self._correct_height(likeness, fit.place, view, share > _GOOD)
         if self.missed_s == 0.0:
             rate = max(_PERSON_RATE, 1.0 / (self._frames + 1.0)) if share > _GOOD else 0.0
             self._learn(bins, view.inside, fit.place, rate, _BESIDE_RATE)
@@ -234,11 +240,20 @@ class PointedPerson:
         self._x, self._y = x, y
         self._height *= math.exp(_HEIGHT_GAIN * grown)
 
-    def _correct_height(self, likeness: list[FloatMap], place: Place, view: PersonView) -> None:
-        """Let the box end where the colours do: strips alone let its size drift."""
+    def _correct_height(
+        self, likeness: list[FloatMap], place: Place, view: PersonView, trusted: bool
+    ) -> None:
+        """Let the box end where the colours do: strips alone let its size drift.
+
+        Where the colours are not trusted only what the picture's border says counts: those behind
+        the head would hold the size of a person that walks away.
+        """
         head, feet = extent(likeness, view.inside, place)
         least = self._stance.least_height(_row(head, view, cut=True), _row(feet, view, cut=True))
-        told = self._stance.height(_row(head, view, cut=False), _row(feet, view, cut=False))
+        told = None
+        if trusted:
+            ends = _row(head, view, cut=False), _row(feet, view, cut=False)
+            told = self._stance.height(*ends, self._height)
         if told is None and self._height < least:
             told = least
         if told is not None:

@@ -211,11 +211,17 @@ def test_equal_pictures_give_equal_messages() -> None:
 
 def test_a_level_camera_tells_the_height_by_head_or_feet() -> None:
     stance = Stance(360, top=100.0, bottom=250.0)
-    assert stance.height(None, 250.0) == pytest.approx(150.0)
-    assert stance.height(20.0, None) == pytest.approx(300.0)
-    assert stance.height(None, None) is None
+    assert stance.height(None, 250.0, before=150.0) == pytest.approx(150.0)
+    assert stance.height(20.0, None, before=150.0) == pytest.approx(300.0)
+    assert stance.height(None, None, before=150.0) is None
     assert stance.least_height(0.0, None) == pytest.approx(337.5)
     assert stance.centre(300.0) == pytest.approx(170.0)
+
+
+def test_a_wall_above_the_head_or_a_shadow_below_the_feet_makes_nobody_taller() -> None:
+    stance = Stance(360, top=100.0, bottom=250.0)
+    assert stance.height(60.0, 252.0, before=150.0) == pytest.approx(154.3, abs=0.1)
+    assert stance.height(98.0, 285.0, before=150.0) == pytest.approx(153.75)
 
 
 def test_exposure_is_taken_out() -> None:
