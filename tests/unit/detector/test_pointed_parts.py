@@ -553,10 +553,10 @@ def _known(height: float = 150.0) -> PointedPerson:
 def test_after_a_time_out_of_sight_it_is_found_at_half_the_size_and_more_than_once_the_size(
     x: float, height: float
 ) -> None:
-    person, picture = _known(), seen(x, height)
-    sightings = [person.look(picture, _STILL, 0.05) for _ in range(4)]
-    assert sightings[-1] is not None
-    assert overlap(sightings[-1].box_xyxy, person_box(x, height)) > 0.4
+    sighting = _known().look(seen(x, height), _STILL, 0.05)
+    assert sighting is not None
+    assert overlap(sighting.box_xyxy, person_box(x, height)) > 0.6
+    assert 0.85 < (sighting.box_xyxy[3] - sighting.box_xyxy[1]) / height < 1.15
 
 
 def test_smaller_than_an_eighth_of_the_picture_no_person_is_looked_for() -> None:
