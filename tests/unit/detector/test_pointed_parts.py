@@ -46,7 +46,9 @@ def test_a_robots_camera_is_as_high_as_robots_are(eyes_m: float, share: float) -
     was given."""
     told = eyes_m / 1.7
     stance = Stance(400, top=200.0 - (1.0 - told) * 100.0, bottom=200.0 + told * 100.0)
-    assert stance.height(None, 200.0 + 100.0 * share) == pytest.approx(100.0, rel=0.15)
+    assert stance.height(None, 200.0 + 100.0 * share, before=100.0) == pytest.approx(
+        100.0, rel=0.15
+    )
 
 
 def test_the_horizon_follows_where_clothes_lie_over_seconds() -> None:
@@ -181,7 +183,7 @@ def _chosen(aside: float, down: float) -> tuple[float, float]:
     and row 100), so far aside and down one that is just like it."""
     here = (100.0, 100.0, PERSON_PX, 0.1)
     there = (100.0 + aside, 100.0 + down, PERSON_PX, 0.9)
-    return best_fit(_maps(here, there), (100.0, 100.0, _HORIZON), 1.0).place.middle
+    return best_fit(_maps(here, there), (100.0, 100.0, _HORIZON), 1.0, 1.0).place.middle
 
 
 def test_evidence_moves_the_person_as_far_as_people_move_between_frames() -> None:
@@ -200,21 +202,21 @@ def test_a_person_stands_where_one_of_its_size_stands() -> None:
 
 def test_after_a_time_unseen_the_person_may_have_gone_farther() -> None:
     maps = _maps((100.0, 100.0, PERSON_PX, 0.1), (180.0, 100.0, PERSON_PX, 0.9))
-    near = best_fit(maps, (100.0, 100.0, _HORIZON), 1.0).place.middle[0]
-    far = best_fit(maps, (100.0, 100.0, _HORIZON), 3.0).place.middle[0]
+    near = best_fit(maps, (100.0, 100.0, _HORIZON), 1.0, 1.0).place.middle[0]
+    far = best_fit(maps, (100.0, 100.0, _HORIZON), 3.0, 3.0).place.middle[0]
     assert (near, far) == (pytest.approx(100, abs=4), pytest.approx(180, abs=4))
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.0, 1.1])
 def test_the_size_follows_by_up_to_a_tenth_in_a_frame(factor: float) -> None:
     maps = _maps((100.0, 100.0, round(factor * PERSON_PX), 0.9))
-    fit = best_fit(maps, (100.0, 100.0, _HORIZON), 1.0)
+    fit = best_fit(maps, (100.0, 100.0, _HORIZON), 1.0, 1.0)
     assert fit.place.height / PERSON_PX == pytest.approx(factor, abs=0.05)
 
 
 def test_a_size_that_is_told_by_little_is_not_believed() -> None:
     maps = _maps((100.0, 100.0, round(1.1 * PERSON_PX), -0.35))
-    fit = best_fit(maps, (100.0, 100.0, _HORIZON), 1.0)
+    fit = best_fit(maps, (100.0, 100.0, _HORIZON), 1.0, 1.0)
     assert fit.place.height / PERSON_PX == pytest.approx(1.0, abs=0.06)
 
 
