@@ -59,7 +59,7 @@ _HEAD = f"""\
 # What `make same` compares with: hash, rows and name of every file that a case leaves.
 # Renew with `python -m benchmarks.same --renew`, with --short or --only NAME for some of them.
 # Of recordings the first {MOST_FRAMES} frames are played, boxes from files whole; with a network
-# the first {MODEL_FRAMES["default"]}, or {MODEL_FRAMES["paper"]} with the paper's preset.
+# the first {MODEL_FRAMES}.
 # Left out: episodes on rendered pictures, which take minutes each; live runs, which depend on time;
 # lossless runs through the processes, which equal these byte for byte (tests/integration).
 """
