@@ -1,4 +1,4 @@
-"""What a person looks like: colours of head, torso and legs, and a gallery of them over time."""
+"""Appearance descriptors of people, from colours of head, torso and legs, and their galleries."""
 
 from __future__ import annotations
 
@@ -13,11 +13,23 @@ from heel.services.tracker.fitted.arrays import Box, FloatMap, Image
 Look = FloatMap
 """Three parts x three Lab channels x twelve bins; each histogram sums to 1."""
 _PARTS = ((0.0, 0.18), (0.18, 0.52), (0.52, 0.98))
+"""From and to, shares of the box's height from its top: head, torso and legs of a person that
+stands; the shoes stay out, for their pixels are mixed with the ground. Chosen by hand."""
 _BINS = 12
+"""Bins of the histogram of one channel; chosen by hand."""
 _LEAST_PIXELS = 12
+"""Foreground pixels of a part, working size, below which its histogram says too little: one for
+each bin; chosen by hand."""
 _CHROMA_SPAN = 40.0
-"""a and b of clothes stay near 128: only this much around it is spread over the bins."""
-_VIEWS, _NEW_VIEW, _VIEW_MEMORY = 5, 0.18, 20
+"""Units of a and b in 8-bit Lab: those of clothes stay near 128, so that only this width around it
+is spread over the bins; chosen by hand."""
+_VIEWS = 5
+"""Views of one person that a gallery holds at most; chosen by hand."""
+_NEW_VIEW = 0.18
+"""Distance of descriptors, 0 to 1, to the nearest view from which a descriptor is a view of its
+own; chosen by hand, below the distance at which a descriptor speaks for neither of two people."""
+_VIEW_MEMORY = 20
+"""Descriptors over which a view is averaged: later ones weigh one in so many; chosen by hand."""
 
 
 def painted(blobs: Blobs, evidence: Image) -> Image:
@@ -39,7 +51,7 @@ def painted(blobs: Blobs, evidence: Image) -> Image:
 
 
 def look_of(picture: Image, evidence: Image, box: Box) -> Look | None:
-    """Look of the foreground in a box (working pixels); None when too little is visible."""
+    """Descriptor of the foreground in a box (working pixels); None when too little is visible."""
     left, right = max(0, round(box[0])), max(0, round(box[2]))
     height = box[3] - box[1]
     parts = []
@@ -71,18 +83,18 @@ def distance(a: Look, b: Look) -> float:
 
 
 class Gallery:
-    """Looks of one person: a few views that differ, each a slow mean."""
+    """Descriptors of one person: a few views that differ, each a slow mean."""
 
     def __init__(self) -> None:
         self._views: list[Look] = []
         self._counts: list[int] = []
 
     def __len__(self) -> int:
-        """Looks taken in."""
+        """Descriptors taken in."""
         return sum(self._counts)
 
     def add(self, look: Look) -> None:
-        """Take in a look of the person seen in the open."""
+        """Take in a descriptor of the person seen in the open."""
         if self._views:
             distances = [distance(look, view) for view in self._views]
             best = int(np.argmin(distances))

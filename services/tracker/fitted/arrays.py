@@ -11,17 +11,17 @@ Floats = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 """xyxy, working pixels."""
 Foot = tuple[float, float]
-"""Where somebody stands: bottom centre of the box, working pixels."""
+"""Where a person stands: bottom centre of the box, working pixels."""
 
 
 def box_at(foot: Foot, height: float, ratio: float) -> Box:
-    """The box of a person who stands there; `ratio` is width by height."""
+    """The box of a person that stands there; `ratio` is width by height."""
     x, y = foot
     half = 0.5 * ratio * height
     return x - half, y - height, x + half, y
 
 
 def carried(foot: Foot, affine: Floats) -> Foot:
-    """A point moved by (2, 3) `affine`."""
+    """A point warped by (2, 3) `affine`."""
     x, y = affine[:, :2] @ foot + affine[:, 2]
     return float(x), float(y)

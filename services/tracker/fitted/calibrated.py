@@ -11,13 +11,17 @@ from heel.services.geometry.camera import Pinhole
 from heel.services.tracker.fitted.line import Line
 
 _PERSON_M = 1.75
-"""Somebody in shoes."""
+"""Metres: height of a usual adult in shoes; chosen by hand."""
 _ROWS = 16
+"""Foot rows at which the height is computed, evenly over the picture: two fix a line, more even out
+that the height is not quite one; chosen by hand."""
 _LOWEST_PX = 8.0
+"""Working pixels: lower people stand near the horizon, where nothing can be told from clutter;
+chosen by hand."""
 
 
 def line_of(calibration: Calibration, shape: tuple[int, ...]) -> Line | None:
-    """The height line of the middle of the picture; None where nobody could stand in it.
+    """The height line of the middle of the picture; None where no person could stand in it.
 
     Args:
         calibration: of the camera.

@@ -12,8 +12,12 @@ from heel.services.tracker.fitted.arrays import FloatMap, Floats, Foot
 from heel.services.tracker.fitted.template import CLUTTER, Template, template
 
 _LOG_CLUTTER = float(np.log(CLUTTER))
-_MARGIN_HEIGHTS, _MARGIN_PX = 0.8, 8
-"""The canvas reaches this far beyond the image, so that people may be partly outside."""
+_MARGIN_HEIGHTS = 0.8
+"""Share of the tallest person's height by which the canvas reaches beyond the image, so that people
+may be partly outside; chosen by hand."""
+_MARGIN_PX = 8
+"""Reduced pixels that the canvas reaches beyond that, room for the window of a search; chosen by
+hand."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +26,7 @@ class Fit:
 
     Attributes:
         foot: where.
-        gain: near 1 for a clean person who stands alone, near 0 for nothing that others do not
+        gain: near 1 for a clean person that stands alone, near 0 for nothing that others do not
             explain.
         total: gain not normalised by size.
     """
@@ -94,7 +98,7 @@ class Canvas:
         self._nearer: FloatMap = np.zeros(shape, np.float32)
 
     def load(self, evidence: FloatMap) -> None:
-        """Start a frame with nobody placed; `evidence` is (H, W) in [0, 1] at working size."""
+        """Start a frame without people; `evidence` is (H, W) in [0, 1] at working size."""
         if self.step > 1:
             # A whole factor is much faster than resizing to a rounded size.
             columns, rows = self._reduced_size

@@ -1,4 +1,4 @@
-"""Who may have left with whose track."""
+"""Contacts of people, after which the tracks of two may have been exchanged."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ from heel.services.tracker.fitted.person import Person
 _CONTACT = 0.25
 """Share of the smaller overlap of two boxes from which two people are in contact."""
 _HIDDEN = 0.8
+"""Share of a person in view below which the contact hides the person: as `person._FREE_VIEW`;
+chosen by hand."""
 TOUCH = 0.003
-"""Probability that two people who met and stayed in view bear each other's id: none of 20 did."""
+"""Prior probability that two people bear each other's id after a contact in which both stayed in
+view: tracks of people in view are hardly ever exchanged."""
 _MIXED_S = 5.0
-"""Behind one another for this long, chances are even but for 1/e: 1 of 47 crossings of about half a
-second exchanged the tracks."""
+"""Seconds of occlusion after which the tracks are exchanged with a probability of one half but for
+1/e of it: short crossings seldom exchange them, long ones leave nothing to tell by."""
 
 
 def meet(people: Sequence[Person], ratio: float, dt_s: float) -> None:
-    """Note who is in contact with whom in this frame; looks from before it count no more."""
+    """Note contacts of this frame; appearance descriptors from before them count no more."""
     boxes = [person.box(ratio) for person in people]
     for first, person in enumerate(people):
         for second in range(first):
@@ -34,7 +37,7 @@ def meet(people: Sequence[Person], ratio: float, dt_s: float) -> None:
 
 
 def group_of(person: Person, by_id: Mapping[int, Person]) -> list[int]:
-    """Ids of everybody connected by undecided contacts, also of those who are gone."""
+    """Ids of all people connected by undecided contacts, also of those that are gone."""
     group, todo = {person.id}, [person.id]
     while todo:
         member = by_id.get(todo.pop())
@@ -45,7 +48,7 @@ def group_of(person: Person, by_id: Mapping[int, Person]) -> list[int]:
 
 
 def prior_nats(person: Person, key: int) -> float:
-    """Negative log-probability that the person is who has, or had, this id."""
+    """Negative log of the prior that the person is the one that has, or had, this id."""
     # An exchange is two people in the wrong place: each bears half of it, and of there being none.
     if key == person.id:
         stayed = math.prod(1.0 - odds for odds in person.rivals.values())

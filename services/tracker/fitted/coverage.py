@@ -15,15 +15,23 @@ from heel.services.tracker.fitted.arrays import FloatMap, Floats, Foot
 from heel.services.tracker.fitted.template import CLUTTER, Template, template
 
 _TEMPLATE_ROWS = 15.0
-"""Height to which people are reduced: enough to place them to within a few pixels."""
+"""Reduced pixels: height to which people are reduced, enough to place them to within a few working
+pixels."""
 _BAND = 2
+"""Foot rows, reduced pixels, that share one template and one correlation: their heights hardly
+differ; chosen by hand for speed."""
 _BUSY = 0.3
+"""Unexplained evidence, 0 to 1, from which a row or a column is searched: the rest cannot give a
+person and costs time; chosen by hand."""
 _PER_PIXEL = -float(np.log(CLUTTER))
+"""Nats: what one pixel of evidence is worth at most against clutter."""
 _OVERLAP = 0.3
+"""Share of a candidate's box under one that explains more, above which it is left out: both would
+explain the same evidence; chosen by hand."""
 
 
 class HeightLine(Protocol):
-    """What is asked of a scene scale."""
+    """The part of a scene scale that is used here."""
 
     @property
     def ratio(self) -> float:
@@ -42,8 +50,8 @@ class Standing:
     Attributes:
         foot: where, working pixels.
         height: working pixels.
-        total: log-likelihood ratio against nobody, in reduced pixels.
-        gain: total by that of a clean person who stands alone.
+        total: log-likelihood ratio against clutter, summed over reduced pixels.
+        gain: total by that of a clean person that stands alone.
     """
 
     foot: Foot
@@ -72,7 +80,7 @@ def reduce(rest: FloatMap, absent: FloatMap, step: int) -> FloatMap:
 def standing(
     reduced: FloatMap, step: int, line: HeightLine, smallest: float, threshold: float
 ) -> list[Standing]:
-    """People who would explain evidence, most explained first, overlapping ones left out.
+    """People that would explain evidence, most explained first, overlapping ones left out.
 
     Args:
         reduced: (H, W, 2) from `reduce`.
@@ -154,7 +162,7 @@ def _correlated(strip: FloatMap, weights: FloatMap) -> FloatMap:
     """Correlation where the template lies within the strip; (H, W, 2) and (h, w, 2) float32.
 
     As one matrix product, of which the diagonals are summed. cv2.matchTemplate goes by way of
-    Fourier transforms, which for so narrow a strip takes 1.4 to 3.4 times as long.
+    Fourier transforms, which take longer for so narrow a strip.
     """
     height, width = weights.shape[0], 2 * weights.shape[1]
     bands, columns = len(strip) - height + 1, strip.shape[1] - weights.shape[1] + 1

@@ -1,4 +1,4 @@
-"""Joint fit of everybody to the evidence: coordinate ascent, nearest person first."""
+"""Joint fit of all people to the evidence: coordinate ascent, nearest person first."""
 
 from __future__ import annotations
 
@@ -16,15 +16,27 @@ from heel.services.tracker.fitted.samples import Sample
 from heel.services.tracker.fitted.scale import SceneScale
 
 _MORE_SWEEPS = 1
+"""Sweeps of the coordinate ascent after the first, over people whose windows meet; more cost time.
+Chosen by hand."""
 _PENALTY = 0.0075
+"""Gain that one squared deviation from the prediction costs: it decides between places that the
+evidence hardly tells apart; chosen by hand."""
 _DEVIATION = 0.06
-"""Of the predicted foot point, heights."""
-_REACH, _REACH_GROWTH, _REACH_LIMIT = 0.12, 1.1, 2.0
-"""Half size of the search window, heights; it grows with each frame missed."""
+"""Heights: standard deviation of the predicted foot point; chosen by hand."""
+_REACH = 0.12
+"""Heights: half size of the search window, two deviations of the prediction; chosen by hand."""
+_REACH_GROWTH = 1.1
+"""Factor on the window with each frame missed, as the prediction grows unsure; chosen by hand."""
+_REACH_LIMIT = 2.0
+"""Most that the window grows, as a factor: a larger one reaches other people; chosen by hand."""
 _FACTORS = (0.88, 0.94, 1.0, 1.06, 1.12)
+"""Heights tried at a measurement of the height, as factors on the one known: to either side two
+deviations of people around a scene's line, in steps of one; chosen by hand."""
 _MOST_BIRTHS = 6
+"""New people of one frame at most, which bounds its time: more are born in the next; chosen by
+hand."""
 _FREE = 1e6
-"""Deviation of a prediction that says nothing."""
+"""Working pixels: deviation of a prediction that says nothing."""
 
 
 def fit_people(canvas: Canvas, people: Sequence[Person], ratio: float) -> dict[int, Fit]:
@@ -38,7 +50,7 @@ def fit_people(canvas: Canvas, people: Sequence[Person], ratio: float) -> dict[i
     for person in order:
         canvas.add(canvas.template(person.height), feet[person.id])
     fits: dict[int, Fit] = {}
-    # Whoever touches nobody finds the same place again: one sweep does.
+    # A person apart from all others finds the same place again: one sweep does.
     for sweep in (order, *[_touching(order, ratio)] * _MORE_SWEEPS):
         for person in sweep:
             shape = canvas.template(person.height)
@@ -65,7 +77,7 @@ def _touching(people: Sequence[Person], ratio: float) -> list[Person]:
         areas[index] = x - half, y - 1.05 * height - reach, x + half, y + 0.05 * height + reach
     low = np.maximum(areas[:, None, :2], areas[None, :, :2])
     high = np.minimum(areas[:, None, 2:], areas[None, :, 2:])
-    meetings = (low < high).all(axis=2).sum(axis=1)  # everybody meets oneself
+    meetings = (low < high).all(axis=2).sum(axis=1)  # each area meets itself
     return [person for person, count in zip(people, meetings, strict=True) if count > 1]
 
 
@@ -118,8 +130,8 @@ def births(
     """New people on what is left unexplained, where the scene's height line is known.
 
     Args:
-        canvas: with everybody placed; those missed are taken off it.
-        people: everybody known.
+        canvas: with all people placed; those missed are taken off it.
+        people: all that are known.
         scale: of the scene.
         smallest: lowest person, working pixels.
         threshold: least gain of a new person.
@@ -150,8 +162,8 @@ def births_without_scale(
 ) -> list[tuple[Fit, float]]:
     """New people in clean components, each of its component's height; see `births`.
 
-    Components of what is left unexplained instead of all evidence give more people and far more
-    ghosts (TUD-Campus: MOTA -101 against 31).
+    Components of all evidence are used: those of what is left unexplained give more people and far
+    more ghosts.
     """
     _lift_missed(canvas, people)
     found: list[tuple[Fit, float]] = []
@@ -165,14 +177,14 @@ def births_without_scale(
 
 
 def _lift_missed(canvas: Canvas, people: Sequence[Person]) -> None:
-    """Take off the canvas whoever is not seen: they explain nothing."""
+    """Take people that are not seen off the canvas: they explain nothing."""
     for person in people:
         if person.missed_frames > 0:
             canvas.add(canvas.template(person.height), person.fitted_foot, -1.0)
 
 
 def _behind(candidate: Standing, people: Sequence[Person], ratio: float) -> float:
-    """Share of a candidate's box behind the nearer person who covers most of it."""
+    """Share of a candidate's box behind the nearer person that covers most of it."""
     box = box_at(candidate.foot, candidate.height, ratio)
     nearer = [person for person in people if person.foot[1] > candidate.foot[1]]
     return max((cover(box, person.box(ratio)) for person in nearer), default=0.0)

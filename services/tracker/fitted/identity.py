@@ -1,9 +1,10 @@
-"""Who is who: galleries of looks, contacts that are not decided yet, and identities taken back.
+"""Identities: galleries of descriptors, contacts that are not decided yet, re-identification.
 
-People who overlap may leave with each other's track. Their galleries rest from then on; once all of
-them have been seen in the open again, their new looks are compared with the galleries from before,
-the paper's S1 against S2 (eq. 5 and 6) for any number of people. Where neither looks nor motion can
-tell, nobody keeps the old id: a follower stops for a lost person, and walks after a wrong one.
+People that overlap may leave with each other's track. Their galleries rest from then on; once all
+of them have been seen in the open again, their new appearance descriptors are compared with the
+galleries from before, the paper's S1 against S2 (eq. 5 and 6) for any number of people. Where
+neither appearance nor motion can tell, no track keeps the old id: a follower stops for a lost
+person, and walks after a wrong one.
 """
 
 from __future__ import annotations
@@ -26,16 +27,30 @@ from heel.services.tracker.fitted.odds import (
 )
 from heel.services.tracker.fitted.person import CERTAIN, Person
 
-_KNOWN_LOOKS, _NEW_LOOKS, _MOST_LOOKS = 4, 3, 8
+_KNOWN_LOOKS = 4
+"""Descriptors in a gallery from which it is compared with: fewer may all be of one moment; chosen
+by hand."""
+_NEW_LOOKS = 3
+"""Descriptors after a contact, or of a newcomer, from which an identity is decided: the median of
+three bears one outlier."""
+_MOST_LOOKS = 8
+"""Descriptors after which an identity is decided for good: more hardly change their median, and the
+track waits meanwhile; chosen by hand."""
 _SURE = 0.6
-"""Identities less probable than this are given up."""
+"""Probability below which an identity is given up; chosen by hand."""
 _CLEAR = 0.9
-"""Below this probability more looks are waited for."""
+"""Probability below which more descriptors are waited for; chosen by hand."""
 _RECALL_SURE = 0.9
-"""An old id is given to a newcomer only from this probability on."""
+"""Probability from which a newcomer is re-identified; a wrong re-identification leads a follower
+astray, a missed one stops it; chosen by hand."""
 _LOST_AFTER_S = 0.5
-_INSIDE_PRIOR, _BORDER_PRIOR = 0.5, 0.1
-"""That a newcomer inside the picture, or at its border, is somebody who was lost within reach."""
+"""Seconds unseen after which a person counts as lost and may be re-identified: a gap that is no
+longer the track bridges by itself; chosen by hand."""
+_INSIDE_PRIOR = 0.5
+"""Prior probability that a newcomer well inside the picture is one of the people lost within reach:
+new people come from the border, so that chances are even; chosen by hand."""
+_BORDER_PRIOR = 0.1
+"""The same prior for a newcomer at the border, where new people come in; chosen by hand."""
 
 
 class Ids:
@@ -45,13 +60,13 @@ class Ids:
         self.next = first
 
     def take(self) -> int:
-        """A number nobody had."""
+        """A number that was never used."""
         self.next += 1
         return self.next - 1
 
 
 class Identities:
-    """Galleries by identity, the contacts that are not decided yet, and those who are lost."""
+    """Galleries by identity, contacts that are not decided yet, and the people that are lost."""
 
     def __init__(self, ids: Ids) -> None:
         self._ids = ids
@@ -59,11 +74,11 @@ class Identities:
         self._memory = Memory()
 
     def meet(self, people: Sequence[Person], ratio: float, dt_s: float) -> None:
-        """Note who is in contact with whom in this frame."""
+        """Note contacts of this frame."""
         meet(people, ratio, dt_s)
 
     def see(self, person: Person, look: Look) -> None:
-        """A look of somebody in the open: learned at once, or kept until a contact is decided."""
+        """Learn a descriptor of a person in the open, or keep it until a contact is decided."""
         if person.rivals or person.is_newcomer:
             person.looks.append(look)
             del person.looks[:-_MOST_LOOKS]
@@ -71,7 +86,7 @@ class Identities:
             self._gallery(person).add(look)
 
     def decide(self, people: Sequence[Person], now_s: float) -> None:
-        """Settle the contacts of those who have all been seen in the open since, or are gone."""
+        """Settle contacts of which all people have been seen in the open since, or are gone."""
         self._keep_lost(people, now_s)
         self._settle_contacts(people, now_s)
         for person in people:
@@ -81,7 +96,7 @@ class Identities:
         self._galleries = {key: value for key, value in self._galleries.items() if key in wanted}
 
     def carry(self, affine: Floats) -> None:
-        """Move where people were lost with the picture; (2, 3), working pixels."""
+        """Warp the places where people were lost; (2, 3), old to new working pixels."""
         self._memory.carry(affine)
 
     def give_up(self, person: Person, people: Sequence[Person]) -> None:
@@ -95,7 +110,7 @@ class Identities:
                 other.rivals[new] = other.rivals.pop(old)
 
     def _keep_lost(self, people: Sequence[Person], now_s: float) -> None:
-        """The looks of those who are missed are kept for long, for they may come back."""
+        """Galleries of people that are missed are kept for long, for they may come back."""
         for person in people:
             if person.missed_frames == 0:
                 self._memory.forget({person.id})
@@ -113,14 +128,14 @@ class Identities:
                 before = {member.id for member in members}
                 self._settle(members, [key for key in group if key not in by_id], now_s)
                 found = {member.id for member in members} - before
-                for each in people:  # nobody else can be those any more
+                for each in people:  # no other person can be those any more
                     for key in found:
                         each.rivals.pop(key, None)
 
     def _settle(self, group: Sequence[Person], gone: Sequence[int], now_s: float) -> None:
-        """Decide who of a group is who; each may also be one of those who are gone.
+        """Decide the identities of a group; each may also be one of the people that are gone.
 
-        While that is not sure, more looks are waited for.
+        While that is not sure, more descriptors are waited for.
         """
         ids = [person.id for person in group] + [key for key in gone if self._knows(key)]
         nats = np.array([[self._nats(person, key) for key in ids] for person in group])
@@ -146,7 +161,7 @@ class Identities:
                 self._learn(person)
 
     def _nats(self, person: Person, key: int) -> float:
-        """Of the person being who has, or had, this id."""
+        """Negative log of the probability that the person has this id, up to a constant."""
         if not self._knows(key):
             return UNKNOWN_NATS + prior_nats(person, key)
         return look_nats(self._distance(self._galleries[key], person)) + prior_nats(person, key)
@@ -157,7 +172,7 @@ class Identities:
         person.looks.clear()
 
     def _welcome(self, person: Person, people: Sequence[Person], now_s: float) -> None:
-        """Somebody new may be somebody lost; after a few looks that is decided for good."""
+        """Re-identify a newcomer, or not; after a few descriptors that is decided for good."""
         lost = self._memory.within_reach(person, now_s)
         if lost:
             nats = [look_nats(self._distance(each.gallery, person)) for each in lost]

@@ -6,8 +6,11 @@ import numpy as np
 
 from heel.services.tracker.fitted.arrays import Floats, Foot
 
-_POSITION, _SPEED = 0.05, 0.8
-"""Deviations at birth: heights, heights a second (a brisk walk)."""
+_POSITION = 0.05
+"""Heights: standard deviation of the foot point at birth, about that of its measurement; chosen by
+hand."""
+_SPEED = 0.8
+"""Heights per second: standard deviation of the speed across the image at birth, a brisk walk."""
 
 
 class FootFilter:
@@ -55,7 +58,7 @@ class FootFilter:
         self.covariance = move @ self.covariance @ move.T + push @ push.T
 
     def carry(self, affine: Floats) -> None:
-        """Move with the picture: (2, 3), old to new working pixels."""
+        """Warp the state by the camera's motion: (2, 3), old to new working pixels."""
         turn = np.kron(np.eye(2), affine[:, :2])
         self.state = turn @ self.state
         self.state[:2] += affine[:, 2]
