@@ -1,4 +1,4 @@
-"""When a person counts, when two are the same, and when somebody is gone."""
+"""When a person counts, when two are the same, and when a person is gone."""
 
 from __future__ import annotations
 
@@ -14,28 +14,65 @@ from heel.services.tracker.fitted.person import Person
 from heel.services.tracker.settings import Reporting
 
 CONFIRM_HITS = 3
+"""Frames in which a person is seen before it can count: clutter seldom lasts as long; chosen by
+hand."""
 _CONFIRM_MOVED = 0.2
-"""Way from the place of birth, heights."""
-_CONFIRM_MOVING_HITS, _MOVING_SHARE, _MOVING_GAIN = 3, 0.2, 0.3
-_SAME_AFTER_S, _HIDDEN_AFTER_S = 0.4, 1.5
-_SAME_IOU, _SAME_CONTAINED, _NEVER_CLEAN = 0.5, 0.7, 0.7
+"""Heights from the place of birth from which a person counts: more than the fit wavers; chosen by
+hand."""
+_CONFIRM_MOVING_HITS = 3
+"""Frames with moving foreground from which a person counts on the spot; chosen by hand."""
+_MOVING_SHARE = 0.2
+"""Share of the foreground in a box that moves, from which the person moves; chosen by hand."""
+_MOVING_GAIN = 0.3
+"""Gain from which a frame with moving foreground counts for the person; chosen by hand."""
+_SAME_AFTER_S = 0.4
+"""Seconds without evidence of its own after which a person never seen alone is taken for the double
+of an older one on the spot; chosen by hand."""
+_HIDDEN_AFTER_S = 1.5
+"""The same for a person once seen alone, which is hidden most likely: longer than people take to
+pass each other; chosen by hand."""
+_SAME_IOU = 0.5
+"""IoU of two boxes from which they are on the same spot; chosen by hand."""
+_SAME_CONTAINED = 0.7
+"""Share of a box inside an older one from which it is on the same spot, unless its person was once
+seen alone; chosen by hand."""
+_NEVER_CLEAN = 0.7
+"""Best gain so far below which a person was never seen alone; a clean one has about 1. Chosen by
+hand."""
 _LEAST_INSIDE = 0.2
+"""Share of the silhouette inside the image below which a person has left it; chosen by hand."""
 _DUPLICATE_GAIN = 0.15
-"""Below this gain a person may be another one's double; chosen by hand."""
-EARLY_S, _GHOST_AFTER_S, _GHOST_MOVED = 5.0, 1.0, 0.7
-"""Who was found soon after the start, never went farther, heights, and does not move at all is what
-somebody left behind who was learned as background: people who stand there came from somewhere."""
+"""Gain below which a person may be the double of another one; chosen by hand."""
+# A person found soon after the start that never went far and does not move at all is a ghost: the
+# place that a person learned as background has left. People that stand there came from somewhere.
+EARLY_S = 5.0
+"""Seconds from the start in which ghosts appear, while the background is hardly known; chosen by
+hand."""
+_GHOST_AFTER_S = 1.0
+"""Seconds without any motion from which such a person is a ghost; chosen by hand."""
+_GHOST_MOVED = 0.7
+"""Heights from the place of birth below which such a person never went far; chosen by hand."""
 _BORDER = 0.3
-"""Heights from the border of the image within which people come and go."""
+"""Heights from the border of the image within which people come and go; chosen by hand."""
 _BESIDE = 0.7
-"""Heights between the feet of two people who may have been taken for one."""
-_TORN, _TORN_AT_ONCE, _TORN_LEAST, _PARTED_GAIN = 0.85, 0.8, 4, 0.5
-"""Three pairs taken for one explained 0.7, 0.7 and 0.8 of the median before once parted, and 0.7 of
-the frames just before; others beside whom somebody came into view 0.85 and more of either."""
+"""Heights between the feet of two people that may have been taken for one; chosen by hand."""
+# Two people taken for one lose gain when they part; a single person beside whom another one comes
+# into view hardly loses any.
+_TORN = 0.85
+"""Gain since a newcomer by the median gain before, below which one box held two people: between
+pairs that parted and single people as measured."""
+_TORN_AT_ONCE = 0.8
+"""The same by the gain in the frames just before: between the two as measured."""
+_TORN_LEAST = 4
+"""Gains from before the newcomer, below which their median says too little; chosen by hand."""
+_PARTED_GAIN = 0.5
+"""Gain above which both people stand where they were placed once parted; chosen by hand."""
 _KNOWN_HEIGHT = 0.7
+"""`CLUTTER_HEIGHT` for confirmed people: they may go a little farther away, and come back; chosen
+by hand."""
 CLUTTER_HEIGHT = 0.85
-"""People lower than this share of the lowest that is shown are not looked for; those who are known
-may go a little farther away, and come back."""
+"""Share of the lowest height that is shown, below which people are not looked for: a little less
+than 1, so that a person is known once it is shown; chosen by hand."""
 
 
 def confirm_if_due(person: Person, evidence: Image, ratio: float, dt_s: float) -> bool:
@@ -69,7 +106,7 @@ def is_torn(person: Person, newcomer: Person) -> bool:
 
 
 def at_border(person: Person, shape: tuple[int, ...], ratio: float) -> bool:
-    """Whether somebody may just have come into the picture (rows, columns) here."""
+    """Whether a person may just have come into the picture, of `shape` (rows, columns), here."""
     left, top, right, bottom = person.box(ratio)
     margin = _BORDER * person.height
     across = left < margin or right > shape[1] - margin
@@ -85,12 +122,12 @@ def moving_share(evidence: Image, box: Box) -> float:
 
 
 def without_duplicates(people: Sequence[Person], ratio: float, dt_s: float) -> list[Person]:
-    """Leave out those who for a while explained nothing that an older one on the spot does not."""
+    """Leave out people that for a while explained nothing but what an older one there explains."""
     gone: set[int] = set()
     for person in people:
         explains = person.gain >= _DUPLICATE_GAIN
         person.duplicate_s = 0.0 if explains else person.duplicate_s + dt_s
-        # Who was once seen alone is hidden, most likely, and not somebody's double.
+        # A person once seen alone is hidden, most likely, and no double of another one.
         was_clean = person.best_gain >= _NEVER_CLEAN
         if person.duplicate_s < (_HIDDEN_AFTER_S if was_clean else _SAME_AFTER_S):
             continue
@@ -126,7 +163,7 @@ def is_forgotten(person: Person, forget_s: float) -> bool:
 
 
 def missed_near(people: Sequence[Person], fit: Fit, height: float) -> Person | None:
-    """The nearest confirmed person who has just been missed and can have come to `fit`."""
+    """The nearest confirmed person that has just been missed and can have come to `fit`."""
     missed = [
         person
         for person in people

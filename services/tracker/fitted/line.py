@@ -13,9 +13,17 @@ from heel.services.tracker.fitted.arrays import Floats
 WIDTH_RATIO = 0.37
 """Width by height of a walking person's box, on average."""
 STEEPEST = 2.5
-_HELD, _HELD_SHARE = 0.5, 0.005
+"""Slope of a height line, pixels by pixels: a person's height by the camera's; a camera lower than
+0.7 m sees no line that could be used. Chosen by hand."""
+_HELD = 0.5
+"""Weight of each held point, in samples, where there are few; chosen by hand."""
+_HELD_SHARE = 0.005
+"""Weight of each held point for each sample, so that many samples leave it a little; chosen by
+hand."""
 _LEAST_SAMPLES = 4
+"""Samples below which a line is left as it was: two give any line; chosen by hand."""
 _SWEEPS = 6
+"""Reweighted least-squares fits of each line; more cost time. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +49,7 @@ def refined(
     """Least absolute relative deviation of each line, by reweighted least squares.
 
     Two points of the line given hold it weakly where there are no samples. All lines are refined
-    at once, which takes a third of the time of one after the other.
+    at once, which is faster than one after the other.
 
     Args:
         lines: where to start, L of them.

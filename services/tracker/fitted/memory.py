@@ -1,4 +1,4 @@
-"""People who were lost, and where they may be by now."""
+"""People that were lost, and where they may be by now."""
 
 from __future__ import annotations
 
@@ -11,14 +11,20 @@ from heel.services.tracker.fitted.appearance import Gallery
 from heel.services.tracker.fitted.arrays import Floats, Foot, carried
 from heel.services.tracker.fitted.person import Person
 
-_KEPT, _KEPT_S = 32, 120.0
-_NEAR, _SPEED = 0.6, 1.2
-"""How far somebody lost may be: heights at once, and heights a second."""
+_KEPT = 32
+"""Lost people kept at most, the last ones: bounds memory and time; chosen by hand."""
+_KEPT_S = 120.0
+"""Seconds after which a lost person is no longer re-identified: by then it may be anywhere; chosen
+by hand."""
+_NEAR = 0.6
+"""Heights from where a person was lost within which it may be found at once; chosen by hand."""
+_SPEED = 1.2
+"""Heights per second by which that distance grows: a fast walk, about 2 m/s; chosen by hand."""
 
 
 @dataclass(eq=False)
 class Lost:
-    """Somebody lost; lengths in working pixels."""
+    """A person that was lost; lengths in working pixels."""
 
     id: int
     gallery: Gallery
@@ -48,13 +54,13 @@ class Memory:
         self._lost: OrderedDict[int, Lost] = OrderedDict()
 
     def add(self, lost: Lost) -> None:
-        """Remember somebody."""
+        """Remember a person."""
         self._lost[lost.id] = lost
         while len(self._lost) > _KEPT:
             self._lost.popitem(last=False)
 
     def carry(self, affine: Floats) -> None:
-        """Move everybody with the picture; (2, 3), working pixels."""
+        """Warp all places; (2, 3), old to new working pixels."""
         for lost in self._lost.values():
             lost.foot = carried(lost.foot, affine)
 
@@ -64,6 +70,6 @@ class Memory:
             self._lost.pop(key, None)
 
     def within_reach(self, person: Person, now_s: float) -> list[Lost]:
-        """Who of the lost the person can be."""
+        """The lost people that the person can be."""
         recent = [lost for lost in self._lost.values() if now_s - lost.time_s < _KEPT_S]
         return [lost for lost in recent if lost.is_within_reach(person, now_s)]

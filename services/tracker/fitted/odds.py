@@ -1,7 +1,8 @@
-"""How probable it is who is who, from distances of looks and from what motion says.
+"""Probabilities of identities, from distances of appearance descriptors and from what motion says.
 
-A difference of looks speaks in nats: on the recordings somebody's mean look is 0.13 (95 %: 0.20)
-from the own gallery and 0.39 (5 %: 0.22) from somebody else's, so that 0.24 speaks for neither.
+A distance of descriptors speaks in nats: on the recordings a mean descriptor is 0.13 (95 %: 0.20)
+from the person's own gallery and 0.39 (5 %: 0.22) from another person's, so that 0.24 speaks for
+neither.
 """
 
 from __future__ import annotations
@@ -16,23 +17,28 @@ from heel.services.geometry.assignment import cheapest, cheapest_without
 from heel.services.tracker.fitted.arrays import Floats
 
 _NATS_PER_DISTANCE = 1.0 / 0.03
+"""Nats for each unit of distance: the likelihood falls to 1/e with each 0.03; chosen by hand within
+the spread above."""
 UNKNOWN_NATS = 0.24 * _NATS_PER_DISTANCE
-"""Of a look that speaks neither for nor against: also of somebody whose looks are not known."""
+"""Nats of a descriptor that speaks neither for nor against, and of a person without a gallery."""
 _OUTLIER = 0.03
-"""Share of looks of the right person that tell nothing: somebody else's pixels, a lamp post."""
+"""Share of descriptors of the right person that say nothing, as they hold pixels of another person
+or a lamp post; chosen by hand."""
 _IMPOSSIBLE = 1e4
+"""Nats of a pair that is ruled out: more than any sum of possible ones."""
 _MOST_NATS = 50.0
+"""Nats at which a margin is capped: exp(-50) is as good as 0."""
 
 
 def look_nats(distance: float) -> float:
-    """Negative log-likelihood of a mean distance of looks, up to a constant."""
+    """Negative log-likelihood of a mean distance of descriptors, up to a constant."""
     told = (1.0 - _OUTLIER) * math.exp(-distance * _NATS_PER_DISTANCE)
     return -math.log(told + _OUTLIER * math.exp(-UNKNOWN_NATS))
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Who somebody is.
+    """The identity decided for one person.
 
     Attributes:
         column: index of the identity; -1 for none of those known.
@@ -72,10 +78,10 @@ def decide(nats: Floats, stranger_nats: Sequence[float]) -> list[Verdict]:
 
 
 def among(nats: Sequence[float], prior: float) -> Verdict:
-    """The most probable of several identities for one person who may also be new.
+    """The most probable of several identities for one person that may also be new.
 
     Args:
-        nats: of the looks, by identity; at least one.
+        nats: of the descriptors, by identity; at least one.
         prior: that the person is one of them at all, 0 to 1, shared evenly.
     """
     known = np.asarray(nats) - math.log(prior / len(nats))

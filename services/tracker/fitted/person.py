@@ -14,20 +14,33 @@ from heel.services.tracker.fitted.kalman import FootFilter
 from heel.services.tracker.fitted.scale import SceneScale
 
 _HEIGHT_MEMORY_S = 1.5
-"""A height that differs from the scene's line comes back to it with this time constant."""
-_HEIGHT_WALK, _HEIGHT_VARIANCE = 0.1, 0.01
-"""Of ln(height): random walk per square root of a second, and variance at birth."""
+"""Seconds: time constant with which a height comes back to the scene's line; chosen by hand."""
+_HEIGHT_WALK = 0.1
+"""Random walk of ln(height) per square root of a second: people bend, and the line is not exact;
+chosen by hand."""
+_HEIGHT_VARIANCE = 0.01
+"""Variance of ln(height) at birth, a deviation of 10 %, and the most it grows to. Chosen by
+hand."""
 _LIMIT_DEVIATIONS = 5.0
+"""Deviations around the scene's line beyond which no height may be: wide, for it only stops a
+height that runs away; chosen by hand."""
 _FRICTION_PER_S = 0.36
-"""Velocity decays at this rate while nobody is seen."""
-_GAINS, _FREE_VIEW = 60, 0.8
+"""1/s: rate at which the velocity decays while the person is missed, as people stop and turn
+unseen; chosen by hand."""
+_GAINS = 60
+"""Gains kept, of the last frames in view, for the median before a newcomer: two to four seconds at
+15 to 30 frames a second; chosen by hand."""
+_FREE_VIEW = 0.8
+"""Share of the silhouette in view above which a person counts as covered by no other one; chosen by
+hand."""
 CERTAIN = 0.99
-"""Confidence in somebody who was never in contact with others."""
+"""Confidence in a person that was never in contact with others: short of 1, for no track is beyond
+doubt; chosen by hand."""
 
 
 @dataclass(eq=False)
 class Person:
-    """One hypothesis: somebody stands at the filter's foot point, `height` working pixels high.
+    """One hypothesis: a person stands at the filter's foot point, `height` working pixels high.
 
     Attributes:
         gain: of the fit in this frame, see `canvas.Fit`.
@@ -40,14 +53,14 @@ class Person:
         seen_foot: where the person was seen last.
         born_early: when the background was hardly known.
         born_at_border: of the image, where people come and go.
-        gains: the last ones while nobody covered the person.
-        is_newcomer: may be somebody who was lost.
-        is_replaced: somebody else turned out to be this person.
+        gains: the last ones while no other person covered this one.
+        is_newcomer: may be a person that was lost.
+        is_replaced: another track turned out to be this person.
         identity_confidence: after the contacts decided so far.
         runner_up_confidence: the same for the best other identity.
-        rivals: ids of those met since the identity was last decided, and the probability that
+        rivals: ids of people met since the identity was last decided, and the probability that
             the two were exchanged.
-        looks: in the open since then, oldest first.
+        looks: appearance descriptors in the open since then, oldest first.
     """
 
     id: int
@@ -86,7 +99,7 @@ class Person:
 
     @property
     def is_in_the_open(self) -> bool:
-        """Seen clearly, by oneself and inside the image."""
+        """Seen clearly, covered by no other person and inside the image."""
         clear = self.gain > 0.45 and self.visibility > 0.5
         return self.missed_frames == 0 and clear and self.in_view > _FREE_VIEW and self.inside > 0.9
 
@@ -107,7 +120,7 @@ class Person:
             self.height *= math.exp(-pull - beyond)
 
     def carry(self, affine: Floats) -> None:
-        """Move with the picture when the camera moves: (2, 3), old to new working pixels."""
+        """Warp all places by the camera's motion: (2, 3), old to new working pixels."""
         self.filter.carry(affine)
         zoom = math.hypot(affine[0, 0], affine[1, 0])
         self.height *= zoom
@@ -139,7 +152,7 @@ class Person:
         self.hits += 1
 
     def rename(self, key: int) -> None:
-        """Be somebody new, who may turn out to be somebody lost."""
+        """Become a newcomer, which may be re-identified as a lost person."""
         self.id = key
         self.is_newcomer = True
         self.identity_confidence, self.runner_up_confidence = CERTAIN, 0.0
