@@ -13,15 +13,22 @@ from heel.services.tracker.fitted.scale import SceneScale
 from heel.services.tracker.report import Report
 from heel.services.tracker.settings import Reporting
 
-_SIDE, _BELOW = 0.03, 0.02
-"""Margin of the box around the silhouette: arms and feet reach out."""
+_SIDE = 0.03
+"""Share of the width by which the box exceeds the silhouette on each side, as arms reach out;
+chosen by hand."""
+_BELOW = 0.02
+"""Share of the height by which the box exceeds the foot point, as the nearer foot stands lower;
+chosen by hand."""
 OCCLUDED_BELOW = 0.5
-_CUT_STANDING, _CUT_MOVING = 0.05, 0.4
-"""Share of far people's height that the upper edge may cut off. There a standing camera sees the
-far end of the scene (0.4 for both: MOTA of Town Centre A 59 to 42), a tilting one anything (0.05
-for both: 60 instead of 76 on a panned window of PETS09-S2L1)."""
+"""Share of the silhouette in view below which a person is occluded: as `Report.alone` says."""
+_CUT_STANDING = 0.05
+"""Share of a far person's height that the upper edge may cut off for a standing camera, which sees
+the far end of the scene there: more of it costs MOTA on Town Centre."""
+_CUT_MOVING = 0.4
+"""The same for a moving camera, which sees anything there when it tilts: less of it costs MOTA on a
+panned window of PETS09-S2L1."""
 _DOUBT_S = 4.0
-"""Confidence falls to 1/e in this time unseen."""
+"""Seconds unseen in which the confidence falls to 1/e; chosen by hand."""
 
 
 class Reporter:
@@ -36,7 +43,7 @@ class Reporter:
         self._may_be_cut = _CUT_STANDING if blobs.camera_motion is None else _CUT_MOVING
 
     def reports(self, people: Sequence[Person]) -> list[Report]:
-        """Everybody who is known."""
+        """Reports of all known people."""
         return [self._report(person, people) for person in people]
 
     def _report(self, person: Person, people: Sequence[Person]) -> Report:
@@ -66,7 +73,7 @@ class Reporter:
         )
 
     def _is_shown(self, person: Person) -> bool:
-        """Hidden people are shown longer than people who are simply not where they should be.
+        """Hidden people are shown longer than people that are simply not where they should be.
 
         Far people must be large enough and have their heads in view; near ones may be cut.
         """
@@ -79,7 +86,7 @@ class Reporter:
         return person.confirmed and person.missed_s <= patience_s and whole and large
 
     def _in_front(self, person: Person, people: Sequence[Person]) -> tuple[int, ...]:
-        """The nearer person who covers most of one who is hardly in view."""
+        """The occluder: the nearer person that covers most of one that is hardly in view."""
         if person.in_view >= OCCLUDED_BELOW:
             return ()
         ratio = self._scale.ratio

@@ -1,5 +1,5 @@
 """Components of the evidence that look like one person: what the scene scale starts
-from, and who is born where there is no scale."""
+from, and what people are born from where there is no scale."""
 
 from __future__ import annotations
 
@@ -12,11 +12,20 @@ from heel.schemas.blobs import FOREGROUND
 from heel.services.tracker.fitted.arrays import Foot, Image
 
 _CLOSE = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 7))
-_LOWEST, _HIGHEST = 0.07, 0.75
-"""Share of the image height."""
-_WIDEST, _NARROWEST = 1.7, 4.5
-"""Height by width."""
+"""Working pixels, wide and high: closes gaps between the parts of one person, which lie above each
+other, and few between people side by side; chosen by hand."""
+_LOWEST = 0.07
+"""Share of the image height below which a component is no person but clutter; chosen by hand."""
+_HIGHEST = 0.75
+"""Share of the image height above which a component is no whole person but a change of light, or a
+person too near; chosen by hand."""
+_WIDEST = 1.7
+"""Height by width below which a component holds more than one standing person; chosen by hand."""
+_NARROWEST = 4.5
+"""Height by width above which a component is a part of a person, or a pole; chosen by hand."""
 _FILL = 0.4
+"""Share of its box that a component fills at least: a silhouette of one person does; chosen by
+hand."""
 
 
 @dataclass(frozen=True)

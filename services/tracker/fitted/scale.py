@@ -18,22 +18,47 @@ from heel.services.tracker.fitted.coverage import explained_share, reduce, reduc
 from heel.services.tracker.fitted.line import STEEPEST, WIDTH_RATIO, Line, refined
 
 _TOLERANCE = 0.12
+"""Relative deviation of a height from a line up to which the sample agrees with it: twice the
+deviation of people's heights; chosen by hand."""
 _FLATTEST = 0.05
+"""Slope below which a drawn line is left out: that of a camera 35 m high, and lines through two
+samples of equal height; chosen by hand."""
 _SAMPLES = 150
+"""Pairs of samples drawn at a refit: enough that some are of two whole people; chosen by hand."""
 _CANDIDATES = 6
+"""Lines compared on the evidence at a refit, for each costs a search for people; chosen by hand."""
 _HORIZONS = (-0.45, -0.15, 0.1, 0.3, 0.5)
-"""Tried when two samples stand too near each other to give a slope; image heights."""
+"""Image heights below the upper edge: tried when two samples stand too near each other to give a
+slope; chosen by hand for cameras that look down to level."""
 _APART = 0.1
+"""Image heights between the feet of two samples below which they give no slope; chosen by hand."""
 _ENOUGH = 0.35
-"""Share of the evidence that a line has to explain before it is used."""
+"""Share of the evidence that a line has to explain before it is used; chosen by hand."""
 _STEEPEST_USED = 0.6
-"""The slope is a person's height by the camera's: the lower the camera, the less a foot row says
-of the height. TUD-Campus has 1.4 and is better off without, the high cameras have 0.2 to 0.4."""
-_BLOB_VOTES, _PERSON_VOTES, _PEOPLE = 300, 40, 200
-_SETTLED_PEOPLE, _SETTLED_VOTES = 5, 80
+"""Slope from which a line is not used. It is a person's height by the camera's: the lower the
+camera, the less a foot row says of the height. TUD-Campus has 1.4 and is better off without a line,
+high cameras have 0.2 to 0.4."""
+_BLOB_VOTES = 300
+"""Blobs kept as samples, the last ones; chosen by hand."""
+_PERSON_VOTES = 40
+"""Heights kept of one person, the last ones, so that no person outvotes the others; chosen by
+hand."""
+_PEOPLE = 200
+"""People whose heights are kept, the last ones; bounds memory and time, chosen by hand."""
+_SETTLED_PEOPLE = 5
+"""People from which the line comes from tracked people alone: fewer may all be tall; chosen by
+hand."""
+_SETTLED_VOTES = 80
+"""Heights of people that this takes besides; chosen by hand."""
 _FIRST_FRAMES = (2, 3, 4, 5, 7, 9, 12, 16)
-_EVERY, _EVERY_SETTLED = 10, 25
+"""Frames, from 1, of the first refits: often at first, so that a line is known soon; chosen by
+hand."""
+_EVERY = 10
+"""Frames between refits after those; chosen by hand for time."""
+_EVERY_SETTLED = 25
+"""Frames between refits of a settled line, which changes slowly; chosen by hand for time."""
 _REFINED_AT_ONCE = 8
+"""Lines refined in one step of a refit: a step takes a millisecond or two; chosen by hand."""
 
 
 class SceneScale:
@@ -117,8 +142,7 @@ class SceneScale:
     def update(self, evidence: FloatMap) -> None:
         """Call once a frame with the evidence in [0, 1]: refits when it is time.
 
-        A settled line is refitted a little every frame: at once it took 50 ms every 25th frame,
-        which was the tracker's p99.
+        A settled line is refitted a little every frame: all at once it would hold up one frame.
         """
         if self._given:
             return
@@ -175,7 +199,7 @@ class SceneScale:
         self.refused = not self.known
 
     def _candidates(self, foot: Floats, height: Floats, chosen: list[Line]) -> Iterator[None]:
-        """Fill `chosen` with the present line, then those most samples agree with.
+        """Fill `chosen` with the present line, then lines that most samples agree with.
 
         MSAC, Torr & Zisserman 2000. Pauses after every few refinements.
         """

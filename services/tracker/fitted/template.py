@@ -2,7 +2,7 @@
 
 With T the probability that the person covers a pixel and Q that clutter does, the pixel is
 foreground with probability 1 - (1 - Q)(1 - T), a noisy-OR (J. Pearl 1988). The log-likelihood
-ratio against "nobody there" is linear in the evidence, so a search over positions is a correlation
+ratio against clutter alone is linear in the evidence, so a search over positions is a correlation
 (after the occupancy maps of F. Fleuret et al., "Multicamera people tracking with a probabilistic
 occupancy map", PAMI 2008).
 """
@@ -18,17 +18,19 @@ from heel.services.geometry.silhouette import LEGS_OF_WALKERS, Outline
 from heel.services.tracker.fitted.arrays import FloatMap
 
 CLUTTER = 0.05
-"""Probability that a pixel is foreground although nobody is there."""
+"""Probability that a pixel is foreground although no person is there; chosen by hand."""
 _COVER = 0.9
-"""Probability that a pixel well inside the silhouette is foreground."""
+"""Probability that a pixel well inside the silhouette is foreground; chosen by hand."""
 _EDGE = 0.07
-"""Softness of the sides, widths."""
+"""Widths: softness of the sides, for arms swing and legs part; chosen by hand."""
 
 _OUTLINE = Outline(LEGS_OF_WALKERS, beyond=0.05, outside=0.0)
 """Ends chosen by hand: `_FADE` lets the cover end softly there."""
-# How far the body covers what is behind it, from head to foot: its ends are seen less surely.
 _FADE_AT = (-0.05, 0.0, 0.06, 0.94, 1.0, 1.05)
+"""Heights below the top of the head at which `_FADE` is given; chosen by hand."""
 _FADE = (0.05, 0.4, 1.0, 1.0, 0.6, 0.1)
+"""Factors on the cover, from head to foot: the ends of a body are seen less surely; chosen by
+hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +40,7 @@ class Template:
     Attributes:
         cover: T, (H, W) float32 in [0, 1).
         weights: (H, W, 2) float32: of unexplained foreground, and of its absence (negative).
-        norm: value of the log-likelihood ratio for a clean person who stands alone.
+        norm: value of the log-likelihood ratio for a clean person that stands alone.
         foot: column and row of the foot point inside the patch.
         mass: sum of T.
         highest: weight of unexplained foreground.

@@ -43,26 +43,43 @@ from heel.services.tracker.report import tracks_of
 from heel.services.tracker.settings import TrackerSettings
 
 _WEIGHT: FloatMap = np.array([0.0, 0.3, 1.0, 1.0, *[0.0] * 252], np.float32)
-"""How much each class of the evidence map speaks for a person."""
+"""Evidence for a person, 0 to 1, by class of the evidence map, see `heel.schemas.blobs`; chosen by
+hand."""
 _CANVAS_HEIGHT = 50.0
-"""People are reduced to about this height, working pixels, before they are fitted."""
-_SEEN_VISIBILITY, _SEEN_INSIDE = 0.35, 0.3
-_NOISE, _NOISE_HIDDEN, _CLEAR_GAIN = 0.03, 0.15, 0.5
-"""Deviation of a fitted foot point, heights: in the open, and what is added when hidden."""
-_MEASURE_EVERY, _MEASURE_GAIN, _MEASURE_VISIBILITY = 3, 0.45, 0.5
+"""Reduced pixels: height to which people are reduced before they are fitted, for time; chosen by
+hand."""
+_SEEN_VISIBILITY = 0.35
+"""Mean evidence under the silhouette below which a person is missed; chosen by hand."""
+_SEEN_INSIDE = 0.3
+"""Share of the silhouette inside the image below which a person is missed; chosen by hand."""
+_NOISE = 0.03
+"""Heights: standard deviation of a fitted foot point in the open; chosen by hand."""
+_NOISE_HIDDEN = 0.15
+"""Heights: what is added to it for a person of which hardly anything is seen; chosen by hand."""
+_CLEAR_GAIN = 0.5
+"""Gain from which nothing is added, as the person is in the open; chosen by hand."""
+_MEASURE_EVERY = 3
+"""Frames from one measurement of a person's height to the next, for time; chosen by hand."""
+_MEASURE_GAIN = 0.45
+"""Gain from which a height is measured: the person is hardly hidden; chosen by hand."""
+_MEASURE_VISIBILITY = 0.5
+"""Mean evidence under the silhouette from which a height is measured; chosen by hand."""
 _HEIGHT_DEVIATION = 0.12
+"""Standard deviation of the logarithm of a measured height: two steps between the heights that are
+tried; chosen by hand."""
 _LOOK_EVERY = 2
+"""Frames from one appearance descriptor of a person to the next, for time; chosen by hand."""
 _BIRTH_GAIN = 0.35
 """Least gain of a new person; chosen by hand."""
 _MIN_IN_VIEW = 0.25
-"""Share of a person that nobody nearer covers, below which nothing is measured; chosen by hand."""
+"""Share of a person that no nearer one covers, below which nothing is measured; chosen by hand."""
 _ACCELERATION = 1.2
 """Standard deviation of acceleration [heights/s^2]: people stop and turn within half a second."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Unsettled:
-    """What is still to be looked at of a frame."""
+    """What is still to be done of a frame."""
 
     blobs: Blobs
     evidence: Image
@@ -81,7 +98,7 @@ class FittedTracker:
     def __init__(
         self, settings: TrackerSettings, next_id: int, calibration: Calibration | None = None
     ) -> None:
-        """Start with nobody known; the first person gets `next_id`."""
+        """Start without people; the first one gets `next_id`."""
         self._calibration = calibration
         self._ids = Ids(next_id)
         self._now_s = 0.0
@@ -106,7 +123,7 @@ class FittedTracker:
         Args:
             blobs: the message.
             evidence: its evidence map, (H, W) uint8; without one people are only predicted, and
-                with one of another size than before everybody is forgotten.
+                with one of another size than before all people are forgotten.
             dt_s: seconds since the frame before.
         """
         self.settle()
@@ -134,7 +151,7 @@ class FittedTracker:
         return tracks_of(reporter.reports(self._people))
 
     def settle(self) -> None:
-        """Look at people and at the scene's scale in the frame before, unless that is done.
+        """Take in appearance and the scene's scale of the frame before, unless that is done.
 
         Nothing of it changes that frame's tracks, so that they need not wait for it.
         """
@@ -145,7 +162,7 @@ class FittedTracker:
             self._scale.update(frame.weighted)
 
     def _carry(self, blobs: Blobs, scale: SceneScale) -> None:
-        """Move everything with the picture where the camera has moved."""
+        """Warp people and the scale by the camera's motion, where there is any."""
         motion = blobs.camera_motion
         if motion is None or motion.quality == 0.0:
             return
@@ -234,7 +251,7 @@ class FittedTracker:
             self._people = [person for person in self._people if not person.is_replaced]
 
     def _confirm(self, evidence: Image, ratio: float, dt_s: float) -> None:
-        """Whoever loses much of their evidence to a newcomer was two people in one box so far."""
+        """Confirm people; one that loses much evidence to a newcomer was two people in one box."""
         seen = [person for person in self._people if person.missed_frames == 0]
         for newcomer in [each for each in seen if confirm_if_due(each, evidence, ratio, dt_s)]:
             for person in seen:
@@ -242,7 +259,7 @@ class FittedTracker:
                     self._identities.give_up(person, self._people)
 
     def _give_birth(self, canvas: Canvas, scale: SceneScale, samples: Sequence[Sample]) -> None:
-        """New people, unless a person who has just been missed is within reach."""
+        """New people, unless a person that has just been missed is within reach."""
         smallest = CLUTTER_HEIGHT * self._reporting.min_height * scale.rows
         born: list[tuple[Fit, float]] = []
         if scale.known:
