@@ -25,7 +25,7 @@ Method = BlobTracker | FittedTracker | PeopleTracker | SoughtTracker
 class Tracker:
     """The preset's tracker on regions, the box tracker on people; started over with each scene.
 
-    Of one person alone who is looked for the detector says who they are: they keep their id.
+    A pointed-at person is known by the detector, so that the track keeps its id.
 
     Usage:
         tracker = Tracker(TrackerSettings())
@@ -34,7 +34,7 @@ class Tracker:
     """
 
     def __init__(self, settings: TrackerSettings, calibration: Calibration | None = None) -> None:
-        """Start with nobody known.
+        """Start without people.
 
         Args:
             settings: which tracker; its calibration file is for the caller to read.
@@ -49,7 +49,7 @@ class Tracker:
     def update(self, blobs: Blobs) -> Tracks:
         """Take in one frame.
 
-        A new size, stream, epoch, kind of blobs or person who is sought forgets everybody; ids are
+        A new size, stream, epoch, kind of blobs or pointed-at person forgets all people; ids are
         never used again all the same. A motion that no camera makes between two frames counts as
         none known.
 
@@ -75,8 +75,8 @@ class Tracker:
     def settle(self) -> None:
         """Do now what the next `update` would do first; the result is the same either way.
 
-        Called after the tracks are sent, it spares the frame the 20 to 50 ms of a fit of the
-        scene's scale, and works while the next frame is captured and detected.
+        Called after the tracks are sent, it spares the frame the fit of the scene's scale, and
+        works while the next frame is captured and detected.
         """
         if isinstance(self._method, FittedTracker):
             self._method.settle()
@@ -121,7 +121,8 @@ def _input(blobs: Blobs) -> Input:
 
 
 _MOST_ZOOM = 2.0
-"""Between two frames; the sight of who walks at 2 m/s towards a camera 1 m away, 0.25 s apart."""
+"""Factor on sizes between two frames: that of a person walking at 2 m/s towards a camera 1 m away,
+in frames 0.25 s apart."""
 
 
 def _is_a_step(blobs: Blobs) -> bool:
@@ -136,6 +137,7 @@ def _is_a_step(blobs: Blobs) -> bool:
 
 
 _STOOD_STILL = CameraMotion(affine=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0), quality=1.0)
+"""The identity, pixels to pixels, with full quality: no motion, and sure of it."""
 
 
 def _camera_motion(blobs: Blobs) -> CameraMotion | None:
@@ -161,8 +163,8 @@ def _message(blobs: Blobs, tracks: list[Track]) -> Tracks:
 def warm_up() -> None:
     """Pay once, before the first frame, for what OpenCV sets up at the first call.
 
-    Its Lab tables took 92 ms and template matching about 100 ms of the first frames, which a live
-    stream pays with dropped frames.
+    Its Lab tables and template matching take long in the first frame, which a live stream pays
+    with dropped frames.
     """
     pixels = np.zeros((16, 16, 3), np.uint8)
     cv2.cvtColor(pixels, cv2.COLOR_BGR2LAB)

@@ -83,6 +83,6 @@ def _track(report: Report, known: dict[int, Report]) -> Track:
 
 
 def _nearest_first(report: Report, known: dict[int, Report]) -> tuple[int, ...]:
-    """Who stands before a track; feet that are lower in the picture are nearer."""
+    """Occluders of a track; feet that are lower in the picture are nearer."""
     others = [key for key in report.in_front if key in known and key != report.id]
     return tuple(sorted(others, key=lambda key: (-known[key].box_xyxy[3], key))[:MAX_TRACKS])

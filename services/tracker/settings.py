@@ -1,4 +1,4 @@
-"""Settings of the tracker: which method, and what of its people is told for how long."""
+"""Settings of the tracker: which method, and which people are reported for how long."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one person who is looked for: the detector knows them, so that they keep their id."""
+"""The track of a pointed-at person: the detector knows the person, so that the id stays."""
 
 from __future__ import annotations
 
@@ -13,19 +13,22 @@ from heel.services.tracker.report import Report, tracks_of
 from heel.services.tracker.settings import Reporting
 
 _CONFIRM_FRAMES = 3
+"""Frames with a blob from which the track counts, as with the other trackers; chosen by hand."""
 _SPEED_MEMORY_S = 0.3
+"""Seconds: time constant of the low-pass filter of the velocity; long enough for boxes that shake,
+short enough for turns; chosen by hand."""
 
 
 class SoughtTracker:
-    """Blobs of which each is the same person. Whether it is they, their score says."""
+    """Blobs of which each is the same person; how probably it is, the score says."""
 
     def __init__(self, next_id: int, reporting: Reporting, identify: bool = True) -> None:
-        """Start with nobody seen yet.
+        """Start before the person is seen.
 
         Args:
             next_id: the id to give out.
-            reporting: who is shown, and for how long unseen.
-            identify: whether a person who was forgotten is the same one when found again.
+            reporting: from which height a person is shown, and for how long unseen.
+            identify: whether a person that was forgotten is the same one when found again.
         """
         self._reporting = reporting
         self._identify = identify
@@ -39,7 +42,7 @@ class SoughtTracker:
         self._missed_s = 0.0
 
     def update(self, blobs: Blobs, dt_s: float) -> list[Track]:
-        """Take one frame; the person if they are seen, or were shortly before.
+        """Take in one frame: the person's track if it is seen, or was shortly before.
 
         Args:
             blobs: one blob, or none.

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 FIRST_STEP_S = 0.04
-MIN_STEP_S, MAX_STEP_S = 0.001, 5.0
+"""Seconds assumed before the first frame, from which no step is known: 25 frames a second."""
+MIN_STEP_S = 0.001
+"""Seconds: no camera here is faster, and a velocity is divided by the step; chosen by hand."""
+MAX_STEP_S = 5.0
+"""Seconds: over a longer pause no motion model says anything; chosen by hand."""
 
 
 class FrameClock:

@@ -1,4 +1,4 @@
-"""People who share one blob: who joins whom, and into which parts a shared blob falls."""
+"""People that share one blob, and the parts into which a shared blob falls."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from heel.services.tracker.blob.settings import BlobSettings
 from heel.services.tracker.blob.sighting import Sighting
 
 PART_COVER = 0.5
+"""Share of a blob within the reach of a group from which it is a part of it: the larger half;
+chosen by hand."""
 _REACH = 0.25
+"""Mean heights of its people by which the reach of a group exceeds its expected box, as they part;
+chosen by hand."""
 
 
 @dataclass(slots=True, eq=False)
@@ -31,7 +35,7 @@ class Cluster:
 
     @property
     def is_confirmed(self) -> bool:
-        """Whether everybody in it counts."""
+        """Whether all people in it count."""
         return all(person.confirmed for person in self.people)
 
     @property

@@ -1,4 +1,4 @@
-"""What a person looks like: the paper's seven feature families.
+"""The paper's appearance descriptor: seven feature families.
 
 The paper names its families without formulas. The names are those of the focus-measure operators
 catalogued by S. Pertuz, D. Puig and M. A. Garcia, "Analysis of focus measure operators for
@@ -17,8 +17,18 @@ from numpy.typing import NDArray
 Features = dict[str, NDArray[np.float64]]
 """Family name to vector; the same length in every patch."""
 
-WIDTH_PX, HEIGHT_PX, CELL_PX, BLOCK_PX = 32, 64, 16, 8
+WIDTH_PX = 32
+"""Pixels to which patches are resized; the paper prints no size. Chosen by hand."""
+HEIGHT_PX = 64
+"""Pixels likewise: a standing person's box is about twice as high as wide."""
+CELL_PX = 16
+"""Pixels, side of the cells that are averaged over: two by four of them part head, torso and legs;
+chosen by hand."""
+BLOCK_PX = 8
+"""Pixels, side of the blocks of the DCT: the usual 8, as in JPEG."""
 GAUSSIAN_SIGMA_PX = 1.0
+"""Pixels: deviation of the Gaussian whose derivatives are taken, which smooths the noise of single
+pixels; chosen by hand."""
 FAMILIES = (
     "absolute_central_moment",
     "gaussian_derivative",

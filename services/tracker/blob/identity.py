@@ -1,4 +1,4 @@
-"""Who is who after a split: the paper's S1 against S2 (eq. 5 and 6), for any number of people.
+"""Identities after a split: the paper's S1 against S2 (eq. 5 and 6), for any number of people.
 
 S1 and S2 are the total costs of the two ways to give two people to two blobs. For N people there
 are N! ways; Kuhn-Munkres finds the cheapest in O(N^3).
@@ -16,6 +16,7 @@ from heel.services.geometry.assignment import cheapest, cheapest_without
 from heel.services.tracker.blob.features import FAMILIES, Features
 
 _IMPOSSIBLE = 1e6
+"""Cost of a pair that is ruled out: more than any sum of possible ones, whose mean is 1."""
 
 
 @dataclass(frozen=True, slots=True)

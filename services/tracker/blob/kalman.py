@@ -14,8 +14,9 @@ from heel.services.geometry import boxes
 from heel.services.tracker.blob.settings import BlobSettings
 
 MIN_SIDE_PX = 1.0
+"""Pixels: least width and height of a state, which keeps the height A / s defined."""
 _FIRST_SPEED = 1.0
-"""Deviation of the unknown first velocity, heights/s: a brisk walk."""
+"""Heights per second: standard deviation of the unknown first velocity, a brisk walk."""
 
 
 class BoxFilter:

@@ -46,7 +46,7 @@ class Person:
         return self.confirmed and self.missed_s <= self._settings.show_missed_s
 
     def seen_alone(self, dt_s: float) -> None:
-        """Seen in this frame with a blob of one's own."""
+        """Seen in this frame with a blob of its own."""
         self.hits += 1
         self.missed_frames, self.missed_s = 0, 0.0
         regained = 1.0 - math.exp(-dt_s / self._settings.trust_s)
@@ -66,13 +66,13 @@ class Person:
         self._doubt(dt_s)
 
     def identified(self, confidence: float) -> None:
-        """Told from others at a split; the doubt of earlier splits stays."""
+        """Identified at a split; the doubt of earlier splits stays."""
         self._settled_confidence *= confidence
         self.identity_confidence = self._settled_confidence
         self.runner_up_confidence = 1.0 - confidence
 
     def remember(self, features: Features, dt_s: float) -> None:
-        """Blend what the person looks like now into the reference features."""
+        """Blend the features seen now into the reference features."""
         if self.reference is None:
             self.reference = features
             return

@@ -10,11 +10,12 @@ from heel.services.tracker.blob.lifecycle import Person
 from heel.services.tracker.report import Report
 
 _HIDES = 0.5
-"""Share of a missed person's box under that of a nearer one from which that one hides it."""
+"""Share of a missed person's box under that of a nearer one above which that one is an occluder;
+chosen by hand."""
 
 
 def reports_of(clusters: Sequence[Cluster]) -> list[Report]:
-    """Everybody who is known."""
+    """Reports of all known people."""
     everybody = [person for cluster in clusters for person in cluster.people]
     return [
         _report(person, cluster, everybody) for cluster in clusters for person in cluster.people

@@ -14,7 +14,7 @@ class BlobSettings:
         growth: Kalman, deviation of relative growth of area and span, 1/s^2.
         position_noise: Kalman, deviation of a measured centre, heights.
         size_noise: Kalman, deviation of measured area and span, share.
-        coasting_friction: velocity decays at this rate while nobody is seen, 1/s.
+        coasting_friction: velocity decays at this rate while the person is missed, 1/s.
         aspect_ratio: occlusion test, eq. 4: s^2 / A above this.
         min_cover: share of a person's box under a blob that hides that person.
         max_group: most people in one blob.

@@ -1,4 +1,4 @@
-"""A group's blob has fallen into parts: who is in which."""
+"""Association of the people of a group with the parts into which its blob has fallen."""
 
 from __future__ import annotations
 

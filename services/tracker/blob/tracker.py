@@ -25,13 +25,13 @@ Pairs = list[tuple[Cluster, Sighting | None]]
 class BlobTracker:
     """People of one scene.
 
-    People are held in clusters: one person, or several who share a blob. Each frame, clusters are
+    People are held in clusters: one person, or several that share a blob. Each frame, clusters are
     matched to blobs; a group that has fallen into parts is split, a cluster whose people lie under
     another's blob is merged with it.
     """
 
     def __init__(self, next_id: int) -> None:
-        """Start with nobody known; the first person gets `next_id`."""
+        """Start without people; the first one gets `next_id`."""
         self.next_id = next_id
         self._settings = BlobSettings()
         self._clusters: list[Cluster] = []
