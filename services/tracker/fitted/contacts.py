@@ -15,10 +15,11 @@ _HIDDEN = 0.8
 chosen by hand."""
 TOUCH = 0.003
 """Prior probability that two people bear each other's id after a contact in which both stayed in
-view: tracks of people in view are hardly ever exchanged."""
+view: tracks of people in view are hardly ever exchanged; chosen by hand."""
 _MIXED_S = 5.0
 """Seconds of occlusion after which the tracks are exchanged with a probability of one half but for
-1/e of it: short crossings seldom exchange them, long ones leave nothing to tell by."""
+1/e of it: crossings of half a second seldom exchange them, long ones leave nothing to
+tell by; chosen by hand."""
 
 
 def meet(people: Sequence[Person], ratio: float, dt_s: float) -> None:

@@ -69,7 +69,7 @@ def _reach(person: Person) -> int:
 
 
 def _touching(people: Sequence[Person], ratio: float) -> list[Person]:
-    """Those whose search area meets that of another one."""
+    """People whose search area meets that of another one."""
     areas = np.empty((len(people), 4))
     for index, person in enumerate(people):
         (x, y), height, reach = person.foot, person.height, 2.0 * _reach(person) + 2.0

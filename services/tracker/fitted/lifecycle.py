@@ -56,8 +56,8 @@ _BORDER = 0.3
 """Heights from the border of the image within which people come and go; chosen by hand."""
 _BESIDE = 0.7
 """Heights between the feet of two people that may have been taken for one; chosen by hand."""
-# Two people taken for one lose gain when they part; a single person beside whom another one comes
-# into view hardly loses any.
+# Two people taken for one lose gain when they part; a single person hardly loses any when another
+# one comes into view beside it.
 _TORN = 0.85
 """Gain since a newcomer by the median gain before, below which one box held two people: between
 pairs that parted and single people as measured."""
