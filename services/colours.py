@@ -1,6 +1,7 @@
 """The colour that an id has wherever it is drawn: on the page, in films and in plots.
 
-The page computes the same in `services/web/static/picture.js`; a test compares the two.
+The page computes the same in `services/web/static/picture.js`; a test compares the two. What marks
+the target is drawn there and in `services/drawing.py`.
 """
 
 from __future__ import annotations

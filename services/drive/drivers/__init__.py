@@ -53,7 +53,7 @@ def open_driver(name: str, options: str) -> Driver:
     if not isinstance(driver, Driver):
         raise HeelError(
             f"driver {name} ({installed[name].value}) is a {type(driver).__name__}: derive it "
-            "from services.drive.drivers.Driver"
+            "from heel.services.drive.drivers.Driver"
         )
     return driver
 

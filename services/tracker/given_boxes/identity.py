@@ -1,4 +1,7 @@
-"""Identity by looks: galleries learn from people seen alone, and contacts are decided."""
+"""Identity by looks: galleries learn from people seen alone, and doubts settle.
+
+Who is who after two people met is decided in contacts.py, who is back in recall.py.
+"""
 
 from __future__ import annotations
 
