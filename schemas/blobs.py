@@ -27,9 +27,16 @@ from heel.schemas.errors import MessageError
 from heel.schemas.frame import FrameId
 
 MAX_BLOBS = 128
+"""Most blobs of one message; as many as tracks, chosen by hand."""
 MAX_WORK_PIXELS = 1 << 20
-NONE, SHADOW, FOREGROUND, MOVING = 0, 1, 2, 3
-"""Values of the evidence map; moving foreground also differs from the frames shortly before."""
+"""Most pixels of an evidence map: two bit planes of them, not compressible, fill the cap of its
+bytes."""
+# Values of the evidence map, each of two bits; moving foreground also differs from the frames
+# shortly before.
+NONE = 0
+SHADOW = 1
+FOREGROUND = 2
+MOVING = 3
 
 
 class Patch(Part):

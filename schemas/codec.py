@@ -15,9 +15,12 @@ from heel.schemas.errors import MessageError
 
 MessageT = TypeVar("MessageT", bound=Message)
 
-_MAX_ARRAY, _MAX_MAP = 1024, 256
-"""Longest list and map unpacked; every schema asks for less. Without them 256 kB of empty maps
-cost 8 s and 1 GB, most of it in listing the errors (measured)."""
+# Bounds of what is unpacked at all: without them 256 kB of empty maps cost 8 s and 1 GB, most of it
+# in listing the errors (measured). Every schema asks for less.
+_MAX_ARRAY = 1024
+"""Most elements of a list."""
+_MAX_MAP = 256
+"""Most entries of a map."""
 
 
 def encode(message: Message) -> bytes:

@@ -10,7 +10,9 @@ from pydantic import AfterValidator, FailFast, Field
 from heel.schemas.base import Count, Flag, Message, Name, NonNegative, Part, Real
 
 MAX_SECTORS = 720
+"""Most sectors of one message: a scan of half a degree all around."""
 MAX_RANGE_M = 1000.0
+"""Largest finite distance [m], above the reach of a robot's sensors; chosen by hand."""
 Heading = Annotated[float, Field(strict=True, ge=-math.pi, le=math.pi)]
 """Radians, left is positive, 0 is straight ahead (of the robot) or along x (of the world)."""
 

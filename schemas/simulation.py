@@ -20,7 +20,9 @@ from heel.schemas.base import (
 from heel.schemas.robot import Heading
 
 MAX_PEOPLE = 64
+"""Most people of one message; chosen by hand."""
 MAX_OBSTACLES = 256
+"""Most obstacles of one message; chosen by hand."""
 
 
 class Pose(Part):

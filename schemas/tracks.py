@@ -23,6 +23,7 @@ from heel.schemas.blobs import CameraMotion
 from heel.schemas.frame import FrameId
 
 MAX_TRACKS = 128
+"""Most tracks of one message; as many as blobs, chosen by hand."""
 TrackState = Literal["new", "tracked", "occluded", "lost"]
 
 
