@@ -19,10 +19,16 @@ from heel.schemas import HeelError, SettingsError, keys
 from heel.services.runtime.process import PARENT_VARIABLE
 
 _TERM_S = 2.5
+"""Seconds from SIGTERM to SIGKILL; above `EXIT_DEADLINE_S`, within which a service ends itself."""
 _KILL_S = 2.0
+"""Longest wait [s] for the end of a killed process; chosen by hand."""
 _START_TIMEOUT_S = 60.0
+"""Longest start of all services [s], also on a busy machine; chosen by hand."""
 _POLL_S = 0.1
+"""Seconds between two looks at the processes while they start; chosen by hand."""
 _TAIL_BYTES = 65536
+"""Bytes at the end of a log that are searched for a complaint: hundreds of lines; chosen by
+hand."""
 _NO_REASON = (" ", "Traceback", "During handling of", "The above exception")
 """How lines of a traceback begin that do not say what happened."""
 

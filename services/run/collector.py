@@ -39,8 +39,11 @@ from heel.services.runtime.streams import Received, StreamJudge
 CONSUMER = "run"
 CAMERA = "front"
 _KEPT_IMAGES = 16
-_LEAST_FPS, _MOST_FPS = 1.0, 240.0
-"""What players show; a camera may state anything."""
+"""Frames whose picture waits for its tracks, or the reverse, before it is left out of the film:
+bounds the memory; chosen by hand."""
+# Rates of a film that players show [frames/s]; a camera may state anything. Chosen by hand.
+_LEAST_FPS = 1.0
+_MOST_FPS = 240.0
 
 
 class Collector:

@@ -26,11 +26,17 @@ from heel.services.runtime.registry import registered
 from heel.services.runtime.router import open_private_router
 
 _STALL_TIMEOUT_S = 60.0
+"""Longest time without a tracked frame [s]: far more than a detector needs for one, also on a slow
+processor; chosen by hand."""
 _DRAIN_S = 8.0
+"""Seconds in which the services end and their last messages are taken; above the time that
+`Children.end` takes at most, chosen by hand."""
 _LAST_WORDS_S = 1.0
+"""Seconds for which messages of a service that failed may still come; chosen by hand."""
 _EARLY_S = 3.0
 """Capture tells of the end of the stream and ends itself within so long."""
 _POLL_S = 0.1
+"""Longest wait for a message [s] before processes and deadlines are looked at; chosen by hand."""
 
 
 class DistributedRun:

@@ -16,8 +16,13 @@ from heel.schemas.errors import HeelError, SettingsError
 from heel.services.runtime.logs import printable
 from heel.services.runtime.shared_memory import SHARED_MEMORY, Sweeper
 
-_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
+# Options of prctl(2), numbers of <linux/prctl.h>.
+_PR_SET_PDEATHSIG = 1
+_PR_SET_CHILD_SUBREAPER = 36
+
 _REAP_S = 5.0
+"""Longest wait [s] for services whose run was killed; above `EXIT_DEADLINE_S`, within which a
+service ends itself; chosen by hand."""
 
 
 def guarded(work: Callable[[], None]) -> int:

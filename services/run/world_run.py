@@ -41,14 +41,19 @@ from heel.services.runtime.router import open_private_router
 
 CAMERA = "front"
 _POLL_S = 0.1
-_SILENCE_S, _START_S = 15.0, 60.0
-"""Longest silence of a simulator, once it has spoken and before."""
+"""Longest wait for a message [s] before processes and deadlines are looked at; chosen by hand."""
+_SILENCE_S = 15.0
+"""Longest time without a frame of the simulator [s], once it has sent one; chosen by hand."""
+_START_S = 60.0
+"""Longest time before its first frame [s], in which it loads what it draws; chosen by hand."""
 _LAST_FRAMES_S = 1.0
-"""An episode is over with its last frame, which may be lost."""
+"""Time before the end of an episode [s] from which the simulator may end: the last frames may be
+lost; chosen by hand."""
 
 
 _ANSWER_S = 1.0
-"""How long a click may wait for the follower's answer, which the next state tells as well."""
+"""How long a click may wait for the follower's answer [s], which the next state tells as well;
+chosen by hand."""
 
 
 @dataclass(frozen=True)
