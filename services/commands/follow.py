@@ -28,8 +28,10 @@ from heel.services.runtime.logs import printable
 if TYPE_CHECKING:
     import zenoh
 
-_POINT_WAIT_S, _POINT_POLL_S = 8.0, 0.1
-"""Longer than the follower looks for a person who was pointed at."""
+_POINT_WAIT_S = 8.0
+"""Longest wait for the pointed-at person [s]; above the follower's own `PENDING_S`."""
+_POINT_POLL_S = 0.1
+"""Seconds between two questions to the follower meanwhile; chosen by hand."""
 
 
 def follow(

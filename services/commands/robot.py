@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from heel.services.runtime.settings import ZenohSettings
 
 TIMEOUT_S = 2.0
+"""Longest wait for the router, and for a reply [s]; answers take milliseconds. Chosen by hand."""
 _LOOPBACK_TIMEOUT_S = 0.2
+"""Longest wait for a connection within this machine [s], made or refused at once; chosen by
+hand."""
 
 Connect = Annotated[
     str | None,

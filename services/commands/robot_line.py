@@ -30,11 +30,15 @@ MessageT = TypeVar("MessageT", bound=Message)
 REPEAT_S = 0.05
 """Between two of the same message: 20 a second reach all that can be reached, and flood none."""
 _ASK_S = 0.3
+"""Seconds between two rounds of questions, so that several fit into a command; chosen by hand."""
 _QUESTION_S = 1.0
+"""Longest wait for the answers to one question [s]; chosen by hand."""
 _FRESH_S = 0.5
+"""Age up to which a drive's state holds [s]; a drive sends 50 a second. Chosen by hand."""
 _FOLLOWER_FRESH_S = 1.0
-"""A drive speaks 50 times a second, a follower five times."""
+"""Age up to which a follower's state holds [s]; a follower sends five a second. Chosen by hand."""
 _MOST_VOICES = 32
+"""Drives, and engagements, that are remembered: bounds the memory in a flood; chosen by hand."""
 
 
 @dataclass

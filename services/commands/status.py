@@ -50,6 +50,7 @@ if TYPE_CHECKING:
 _LISTEN_S = 1.3
 """Five messages of health of most services; one of those that send it once a second."""
 _MAX_WAITING = 1024
+"""Messages that may wait to be read: bounds memory and time in a flood; chosen by hand."""
 _SHM = {True: "yes", False: "no", None: "-"}
 
 

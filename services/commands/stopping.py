@@ -23,12 +23,19 @@ _IN_ALL_S = 1.8
 """From the start of the process to its last word, a little below the two seconds that are said."""
 _AT_LEAST_S = 1.0
 """The same from where the command begins to talk, on a computer that takes long to start one."""
-_ASK_S, _OBEY_S = 1.2, 1.0
-"""A resume has no hurry: so long it waits for processes to be there, and then for their answers."""
+# A resume has no hurry.
+_ASK_S = 1.2
+"""Longest wait of a resume for drive and follower to answer [s]; chosen by hand."""
+_OBEY_S = 1.0
+"""Longest wait of a resume for drive and follower to obey [s]; chosen by hand."""
 _SAID_AT_LEAST = 3
 """A stop goes out so often even when the first was confirmed: confirmations may be lies."""
 _HERE_S = 0.6
+"""Longest wait for the drives of this machine [s]: a drive's loop goes round within half of it, or
+hangs. The same for a renewed stop to be confirmed."""
 _CLOSE_S = 0.15
+"""Seconds for the line to close, and for the router's side of a stop that is confirmed here;
+chosen by hand."""
 _SOURCE = "heel command"
 
 

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from heel.services.tracker.settings import TrackerSettings
 
 _REACH = 1.5
-"""Boxes may go on outside of the picture, but not so far."""
+"""How far boxes may go on outside of the picture [picture sides]; chosen by hand."""
 _SAME_SHAPE = 0.02
+"""Largest relative difference of aspect ratios that counts as rounding of sizes; chosen by hand."""
 
 
 def track_detections(
