@@ -1,4 +1,4 @@
-"""What can be known to be wrong with a run before anything of it is started."""
+"""Checks of a run's options and source before any process is started."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from heel.services.pipeline import RecordedFrames, load_pipeline
 from heel.services.run.options import RunOptions
 
 _LIVE = ("/dev/", "pan:")
-"""A camera is opened once; the window of a recording writes a file when it is."""
+"""Sources that are not opened for a check: a camera is opened once, and a window into a recording
+writes a file."""
 
 
 def check_options(options: RunOptions) -> None:

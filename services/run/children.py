@@ -1,4 +1,4 @@
-"""Child processes that never outlive the run that started them."""
+"""Child processes of a run, which end with it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _TAIL_BYTES = 65536
 """Bytes at the end of a log that are searched for a complaint: hundreds of lines; chosen by
 hand."""
 _NO_REASON = (" ", "Traceback", "During handling of", "The above exception")
-"""How lines of a traceback begin that do not say what happened."""
+"""Beginnings of the lines of a traceback that do not state the error."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +49,14 @@ class Child:
 def start_python(
     words: Sequence[str], log: IO[bytes], environment: Mapping[str, str]
 ) -> subprocess.Popen[bytes]:
-    """Start Python as a child that a service of Heel knows for its parent, and ends with.
+    """Start Python as a child that ends with this process, see `PARENT_VARIABLE`.
 
     Args:
-        words: what stands behind `python -P` on its command line.
-        log: gets all that it writes.
+        words: arguments after `python -P`.
+        log: of its output and errors.
         environment: what it inherits.
     """
-    # -P: a `heel.py` in the folder that the user happens to be in is not ours.
+    # -P: a `heel.py` in the user's working folder must not be imported.
     return subprocess.Popen(
         [sys.executable, "-P", *words], stdin=subprocess.DEVNULL, stdout=log, stderr=log,
         env={**environment, PARENT_VARIABLE: str(os.getpid())}, start_new_session=True,
@@ -71,11 +71,11 @@ class Children:
     """
 
     def __init__(self, log_folder: Path | Callable[[], Path]) -> None:
-        """None is started yet.
+        """Start without children.
 
         Args:
-            log_folder: where each logs into its own file; or tells where that folder is now, for
-                one that is moved.
+            log_folder: of the log files, one for each child; or a function that returns it, where
+                the folder is moved.
         """
         self._log_folder = log_folder if callable(log_folder) else lambda: log_folder
         self._children: list[Child] = []
@@ -96,9 +96,9 @@ class Children:
         return child
 
     def failure(self) -> HeelError | None:
-        """Why the first child that ended badly did so; None while all is well.
+        """Error of the first child that failed; None while none has.
 
-        It is a `SettingsError` where the child ended over a setting.
+        It is a `SettingsError` where the child ended with a `SettingsError`.
         """
         return next(filter(None, map(self._failure, self._children)), None)
 
@@ -111,12 +111,12 @@ class Children:
         return any(child.over for child in self._children if child.name == name)
 
     def failure_of(self, name: str) -> HeelError | None:
-        """Why one child ended badly, None if it did not or was killed for not ending."""
+        """Error of one child, None if it did not fail or was killed because it did not end."""
         child = next(child for child in self._children if child.name == name)
         return self._failure(child) if child.process.returncode in (1, 2) else None
 
     def last_words(self, name: str) -> str:
-        """The last complaint of a child as the end of a sentence; empty if it has none."""
+        """The last error in a child's log as the end of a sentence; empty if it has none."""
         complaint = last_complaint(self._log(name))
         return f"; its last words: {complaint}" if complaint else ""
 
@@ -143,7 +143,7 @@ class Children:
         return True
 
     def end(self) -> None:
-        """Ask every child to end, then insist."""
+        """Terminate every child, then kill those that have not ended."""
         for child in self._children:
             if child.process.poll() is None:
                 child.process.terminate()

@@ -1,4 +1,4 @@
-"""The receiving end of a run: writes files, counts, and gives credit for further frames."""
+"""The receiving end of a run: writes files, counts, and grants credit for further frames."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _MOST_FPS = 240.0
 
 
 class Collector:
-    """Takes everything that a run produces; one thread calls `take`."""
+    """Consumes all messages of a run; one thread calls `take`."""
 
     def __init__(
         self,

@@ -34,13 +34,14 @@ _DRAIN_S = 8.0
 _LAST_WORDS_S = 1.0
 """Seconds for which messages of a service that failed may still come; chosen by hand."""
 _EARLY_S = 3.0
-"""Capture tells of the end of the stream and ends itself within so long."""
+"""Longest time [s] from capture's announcement that the stream has ended to the end of its process;
+chosen by hand."""
 _POLL_S = 0.1
 """Longest wait for a message [s] before processes and deadlines are looked at; chosen by hand."""
 
 
 class DistributedRun:
-    """Starts the services of one run, collects what they say, and ends them."""
+    """Starts the services of one run, collects their messages, and ends them."""
 
     def __init__(self, options: RunOptions, stop: threading.Event, log: logging.Logger) -> None:
         self._options = options
@@ -51,7 +52,7 @@ class DistributedRun:
         self.summary = RunSummary(mode=options.delivery)
 
     def run(self) -> RunSummary:
-        """Run to the end of the stream, of the asked time, or until told to stop.
+        """Run to the end of the stream or of the wanted time, or until `stop` is set.
 
         Raises:
             HeelError: a service failed or hung; the files written so far are kept.
@@ -78,7 +79,7 @@ class DistributedRun:
         return self.summary
 
     def _played(self) -> str:
-        """The source for people; what stands in an address may be a password."""
+        """The source as text for a user; what stands in an address may be a password."""
         scheme, separator, _ = self._options.source.partition("://")
         return f"{scheme}://..." if separator else scheme
 
@@ -142,11 +143,11 @@ class DistributedRun:
             self._check_nothing_lost()
 
     def _over(self, collector: Collector) -> bool:
-        """Whether the stream has ended: everybody says so, and capture, which is ours, is gone."""
+        """Whether the stream has ended: tracks and commands announce it, and capture is gone."""
         return collector.ended and self._capture is not None and self._capture.over
 
     def _check_order(self, children: Children, now_s: float) -> None:
-        """A service that ends while capture goes on was told to from outside."""
+        """A service that ends while capture goes on was ended from outside."""
         early = None if self._capture is None or self._capture.over else children.ended()
         if early is None:
             self._early_s = now_s
@@ -154,7 +155,7 @@ class DistributedRun:
             raise HeelError(f"{early} ended before the stream did{children.last_words(early)}")
 
     def _check_nothing_lost(self) -> None:
-        """A lossless run that lost something says so instead of looking whole."""
+        """A lossless run that lost a frame reports that instead of looking complete."""
         s = self.summary
         if self._options.delivery == "lossless" and not s.captured == s.detected == s.tracked:
             raise HeelError(
@@ -163,7 +164,7 @@ class DistributedRun:
             )
 
     def _drain(self, inbox: Inbox, collector: Collector, children: Children) -> None:
-        """Let the services end and take their last words: the health that ends each of them."""
+        """Let the services end and take their last messages: the final health of each."""
         ending = threading.Thread(target=self._end_children, args=(children,), daemon=True)
         ending.start()
         deadline_s = time.monotonic() + _DRAIN_S
@@ -179,8 +180,8 @@ class DistributedRun:
         self.summary.peak_rss_mb["run"] = process.memory_mb()[1]
 
     def _end_children(self, children: Children) -> None:
-        # Asked before they are told to end: what becomes of them then is no failure of the run.
-        # But capture tells of the end first and fails then.
+        # Asked before they are ended: an exit code after SIGTERM is no failure of the run. But
+        # capture announces the end of the stream before it fails.
         failure = children.failure()
         children.end()
         self._failure = failure or children.failure_of("capture")

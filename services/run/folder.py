@@ -1,4 +1,4 @@
-"""Folders that a run fills: results take their names once there are some, scratch folders go."""
+"""Folders of a run: a result folder, filled once there are results, and scratch folders."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class ScratchFolder:
 
 
 def sweep(parent: Path, prefix: str) -> None:
-    """Remove the scratch folders of one's own that nobody works in any more."""
+    """Remove the user's own scratch folders that no process holds a lock on."""
     with suppress(OSError):
         for path in parent.glob(f"{prefix}*"):
             with suppress(OSError):
@@ -62,8 +62,8 @@ class ResultFolder:
     """The folder of a run: what an earlier run left there stays until this one has results.
 
     Until `begin` all files are in a scratch folder inside it, so that a run that cannot start
-    changes nothing. Files take their names by renaming: nobody reads half of one, and a link in
-    the way is replaced, not followed.
+    changes nothing. Files take their names by renaming: no reader finds half of one, and a link
+    in the way is replaced, not followed.
     """
 
     def __init__(self, folder: Path, names: tuple[str, ...], logs: str = "logs") -> None:
@@ -96,7 +96,7 @@ class ResultFolder:
             raise self.cannot_write(error) from None
 
     def cannot_write(self, error: OSError) -> HeelError:
-        """The one line that a user is told when a file cannot be written."""
+        """The one-line error for a file that cannot be written."""
         return HeelError(
             f"--out {self.folder}: {error.strerror}: give a folder that can be written to, on a "
             "disk with room"

@@ -1,4 +1,4 @@
-"""A guard around a run: whatever becomes of it, no process and no shared memory stays behind."""
+"""A guard around a run: however it ends, no process and no shared memory stays behind."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _worker(work: Callable[[], None]) -> int:
     except BaseException:
         sys.excepthook(*sys.exc_info())
         code = 1
-    # The reader may be gone (`heel run ... | head`): then nobody is left to be told.
+    # The reader may be gone (`heel run ... | head`): then there is no reader left.
     with suppress(BrokenPipeError):
         sys.stdout.flush()
     sys.stderr.flush()
@@ -85,7 +85,7 @@ def _forward(pid: int, number: int) -> None:
 
 
 def _reap_orphans() -> None:
-    """Wait for services that outlived the run's process; the kernel has told them to end."""
+    """Wait for services that outlived the run's process; the kernel has sent them SIGTERM."""
     # Blocked first: an end between looking and waiting then stays pending instead of being missed.
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCHLD})
     deadline_s = time.monotonic() + _REAP_S

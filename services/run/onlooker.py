@@ -1,4 +1,4 @@
-"""What an onlooker sees of a simulated world: whom the robot acts upon, picture by picture."""
+"""Observation of a simulated world: which person the robot acts upon, frame by frame."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _KEPT_TRUTHS = 128
 
 
 class Recorder(Protocol):
-    """Writes down what an onlooker sees."""
+    """Records what an `Onlooker` observes."""
 
     def episode(self) -> None:
         """A new world begins."""
@@ -23,8 +23,8 @@ class Recorder(Protocol):
         """The world in one frame.
 
         Args:
-            truth: what it is like.
-            state: what the follower does now; None before it has said so.
+            truth: of this frame.
+            state: the follower's newest; None before its first.
             people: index of the person by track id, of the newest tracks.
         """
 
@@ -33,8 +33,8 @@ class Onlooker:
     """Puts truth, tracks and the follower's state together as they come, and clicks as a user does.
 
     Args:
-        recorder: told of every frame of the world.
-        click: asks the follower, without waiting for its answer.
+        recorder: gets every frame of the world.
+        click: sends a request to the follower, without waiting for the reply.
     """
 
     def __init__(self, recorder: Recorder, click: Choose) -> None:
@@ -52,7 +52,7 @@ class Onlooker:
         self._recorder.episode()
 
     def state(self, state: FollowState) -> None:
-        """What the follower does from now on."""
+        """The follower's newest state."""
         self._state = state
 
     def truth(self, truth: SimTruth) -> None:

@@ -34,7 +34,7 @@ class RunOptions:
     config: Path | None = None
     progress: bool = True
     on_page: Callable[[str], None] | None = None
-    """Told the live page's address once it is served."""
+    """Called with the live page's address once it is served."""
 
     def detector_flags(self) -> list[str]:
         """Flags of the detector process."""

@@ -1,22 +1,25 @@
-"""Which services have fallen silent, judged by a process that may itself have been held up."""
+"""Which services have fallen silent, judged by a process that may itself have been paused."""
 
 from __future__ import annotations
 
 HUNG_S = 10.0
-"""A service speaks of its health once a second: one that is silent for so long hangs."""
+"""Silence [s] after which a service hangs: ten times the longest period of health; chosen by
+hand."""
 _NAP_S = 1.0
-"""A process that looks less often than this was held up: what came meanwhile is not read yet."""
+"""Time between two looks [s] above which this process was paused itself, and messages of that time
+are not read yet; chosen by hand."""
 
 
 class Silences:
-    """When each of several was heard last; the time in which nobody listened does not count."""
+    """Time of the last message of each service; time in which this process was paused does not
+    count."""
 
     def __init__(self, longest_s: float, *names: str) -> None:
-        """Nobody is expected yet: each is from when it was first heard.
+        """No service is expected before its first message.
 
         Args:
-            longest_s: silence that is remarkable, seconds.
-            names: the services listened to; messages of others count for nothing.
+            longest_s: longest silence that is none, seconds.
+            names: of the services; messages of others are ignored.
         """
         self._longest_s, self._names = longest_s, names
         self._heard_s: dict[str, float] = {}

@@ -1,4 +1,4 @@
-"""What a run did: `summary.json` for machines, and lines for the person who typed it."""
+"""Summary of a run: `summary.json` for programs, and lines for the terminal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LIBRARIES = ("heel-follow", "eclipse-zenoh", "opencv-python-headless", "numpy",
 
 @dataclass
 class RunSummary:
-    """Counters of a run, filled while it goes on."""
+    """Counters of a run, filled while it lasts."""
 
     mode: str
     captured: int = 0
@@ -30,7 +30,7 @@ class RunSummary:
     wall_s: float = 0.0
     ended: str = ""
     missing: dict[str, int] = field(default_factory=dict)
-    """Frames that never reached each service, by the gaps in its input."""
+    """Frames that did not reach each service, by the gaps in its input."""
     malformed: dict[str, int] = field(default_factory=dict)
     cpu_s: dict[str, float] = field(default_factory=dict)
     peak_rss_mb: dict[str, float] = field(default_factory=dict)

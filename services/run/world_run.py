@@ -62,7 +62,7 @@ class PageOptions:
 
     Attributes:
         port: on loopback, 0 for any free one.
-        on_page: told the page's address once it is served.
+        on_page: called with the page's address once it is served.
     """
 
     port: int
@@ -105,13 +105,13 @@ class WorldOptions:
 
 
 class WorldRun:
-    """Starts simulator and stack, looks on, and ends them.
+    """Starts simulator and services, observes them, and ends them.
 
     Must run in a process that `heel.services.run.guard.guarded` has made.
 
     Args:
         options: which world.
-        recorder: writes down what is to be seen.
+        recorder: gets every frame.
         stop: ends the run when set.
         log: of the process.
     """
@@ -129,7 +129,7 @@ class WorldRun:
         self._silences = Silences(HUNG_S, "simulator", *options.services)
 
     def run(self) -> None:
-        """Run until the end of the episode, of the asked time, or until told to stop.
+        """Run until the end of the episode or of the wanted time, or until `stop` is set.
 
         Raises:
             HeelError: a service failed or hung.
@@ -209,10 +209,10 @@ class WorldRun:
                 self._warn.warning(arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s)
 
     def _check_episode(self, children: Children) -> None:
-        """The simulator ends with its episode, not before.
+        """Check that the simulator has ended with its episode.
 
         Raises:
-            HeelError: it did, or there is always another episode.
+            HeelError: it ended before, or episodes follow one another without end.
         """
         if self._options.episode_s is None or self._t_s < self._options.episode_s - _LAST_FRAMES_S:
             raise HeelError(
@@ -220,7 +220,7 @@ class WorldRun:
             )
 
     def _check(self, children: Children) -> None:
-        """All are there and speak; only the simulator may end, when its episode does.
+        """Check that all services run and send; only the simulator may end, with its episode.
 
         Raises:
             HeelError: one ended or hangs.
@@ -250,7 +250,7 @@ class WorldRun:
             self._silences.heard(health.service, arrival.arrived_s)
             self._tell_page(page_of(health))
         elif encoding != EndOfStream.encoding():
-            # The end is told by the simulator's process, which is ours, and by no message.
+            # The end is that of the simulator's process, a child of this one, and no message's.
             onlooker.tracks(decode(Tracks, payload, encoding))
 
     def _tell_page(self, url: str | None) -> None:
@@ -265,7 +265,7 @@ class WorldRun:
 
 
 def _click(session: zenoh.Session, request: TargetRequest) -> None:
-    """Choose as the page does, without waiting for the answer: the next state tells it."""
+    """Send a choice as the page does, without waiting for the reply: the next state shows it."""
     session.get(
         keys.FOLLOW_TARGET, _leave_unread, timeout=_ANSWER_S, payload=encode(request),
         encoding=request.encoding(),
@@ -273,4 +273,4 @@ def _click(session: zenoh.Session, request: TargetRequest) -> None:
 
 
 def _leave_unread(reply: zenoh.Reply) -> None:
-    """Of a click; see there."""
+    """Handler of the reply to a click, see `_click`."""
