@@ -1,4 +1,4 @@
-"""`heel calibrate`: how the camera is mounted, from a person of known height who walks about."""
+"""`heel calibrate`: the camera's mount, from a person of known height that walks about."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _of_tracks(file: Path, image_size: str | None) -> dict[int, FloatArray]:
     """Boxes per id of a MOTChallenge file.
 
     Raises:
-        HeelError: malformed, empty, or the picture's size was not told.
+        HeelError: malformed, empty, or the picture's size is not given.
     """
     from heel.evaluation.motchallenge import read_tracks
 
@@ -108,7 +108,7 @@ def _of_recording(source: str) -> tuple[dict[int, FloatArray], tuple[int, int]]:
     """Boxes per id of people seen well in a recording, and the picture's size.
 
     Raises:
-        HeelError: it cannot be read, or shows nobody.
+        HeelError: it cannot be read, or shows no person.
     """
     import numpy as np
 

@@ -61,10 +61,10 @@ def follow(
 
 
 def _found(session: zenoh.Session, asked: Target) -> Target:
-    """The person that was found at a point.
+    """The pointed-at person, once the follower has found it.
 
     Raises:
-        HeelError: nobody was.
+        HeelError: no person was found there.
     """
     deadline_s = time.monotonic() + _POINT_WAIT_S
     target = asked
@@ -93,6 +93,6 @@ def _request(who: list[str]) -> TargetRequest:
 
 
 def shown(target: Target) -> str:
-    """A target for people, as one line."""
+    """A target as one line of text for a user."""
     who = target.mode if target.track_id is None else f"person {target.track_id} ({target.mode})"
     return printable(f"{who}: {target.reason}")

@@ -50,7 +50,7 @@ class Where:
 
     @property
     def router(self) -> str:
-        """The router's address, for people."""
+        """The router's address as text for a user."""
         return ", ".join(self.zenoh.connect)
 
 
@@ -85,7 +85,7 @@ def find(connect: str | None, run: int | None, namespace: str | None, config: Pa
     elif named:
         chosen = next((one for one in found if (one.endpoint,) == settings.connect), None)
     else:
-        # Runs in another network namespace cannot be meant: nobody reaches them from here.
+        # Runs in another network namespace cannot be meant: they are not reachable from here.
         found = [one for one in found if _listens(one.endpoint)]
         chosen = found[0] if found else None
         if len(found) > 1 or (found and _listens(settings.connect[0])):
@@ -142,7 +142,7 @@ def _pause(seconds: float) -> bool:
 def ask(
     session: zenoh.Session, key: str, kind: type[Message], request: Message | None = None
 ) -> Message | None:
-    """The first good reply on a key, None if nobody answers.
+    """The first good reply on a key, None without a reply.
 
     Raises:
         HeelError: the process that answers refuses.

@@ -1,4 +1,4 @@
-"""A line to the robot that never makes its caller wait: what it hears is looked at meanwhile."""
+"""A connection to the robot that never blocks its caller, which reads the state meanwhile."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 MessageT = TypeVar("MessageT", bound=Message)
 REPEAT_S = 0.05
-"""Between two of the same message: 20 a second reach all that can be reached, and flood none."""
+"""Seconds between two sendings of one message: 20 a second bridge losses and are no flood; chosen
+by hand."""
 _ASK_S = 0.3
 """Seconds between two rounds of questions, so that several fit into a command; chosen by hand."""
 _QUESTION_S = 1.0
@@ -43,34 +44,34 @@ _MOST_VOICES = 32
 
 @dataclass
 class Heard:
-    """What has been heard so far; read and written under the line's lock."""
+    """State received so far; read and written under the line's lock."""
 
     connected: bool = False
     failure: str = ""
     """Why there is no connection; "" while it is being tried."""
     said: int = 0
-    """Messages that went out."""
+    """Messages that were sent."""
     drives: dict[str, tuple[DriveState, float]] = field(default_factory=dict)
-    """Newest word of every drive, by producer, and when it came."""
+    """Newest state of every drive, by producer, and the monotonic time of its arrival."""
     follower: tuple[FollowState, float] | None = None
     engagements: dict[str, EStop] = field(default_factory=dict)
-    """What the processes that were asked hold engaged, by id."""
+    """Engaged emergency stops that processes have replied, by id."""
     alive: set[str] = field(default_factory=set)
-    """Kinds of services that are there, by their tokens: `drive`, `follower`."""
+    """Kinds of services that are present, by their tokens: `drive`, `follower`."""
 
     def fresh_drives(self, now_s: float) -> dict[str, DriveState]:
-        """What drives have said just now."""
+        """Drives' states that are not older than `_FRESH_S`."""
         return {name: state for name, (state, t) in self.drives.items() if now_s - t < _FRESH_S}
 
     def fresh_follower(self, now_s: float) -> FollowState | None:
-        """What a follower has said just now."""
+        """A follower's state that is not older than `_FOLLOWER_FRESH_S`."""
         if self.follower is None or now_s - self.follower[1] >= _FOLLOWER_FRESH_S:
             return None
         return self.follower[0]
 
 
 class RobotLine:
-    """Connects, listens, asks and repeats messages, all in threads that nobody waits for.
+    """Connects, listens, asks and repeats messages, all in threads that block no caller.
 
     Zenoh may block for ten seconds where a router hangs or an address does not answer.
 
@@ -89,17 +90,17 @@ class RobotLine:
         self._thread.start()
 
     def say(self, messages: Iterable[EStop]) -> None:
-        """From now on say these again and again, in place of earlier ones."""
+        """Send these again and again from now on, in place of earlier ones."""
         with self._changed:
             self._messages = tuple(messages)
             self._heard.said = 0
             self._changed.notify_all()
 
     def wait(self, enough: Callable[[Heard, float], bool], deadline_s: float) -> bool:
-        """Whether enough was heard before the deadline.
+        """Whether enough was received before the deadline.
 
         Args:
-            enough: given what was heard, and the monotonic time.
+            enough: predicate of the state received and the monotonic time.
             deadline_s: monotonic.
         """
         with self._changed:
@@ -110,7 +111,7 @@ class RobotLine:
         return True
 
     def look(self) -> Heard:
-        """What was heard; nothing more is written to it once the line is closed."""
+        """State received; nothing more is written to it once the line is closed."""
         return self._heard
 
     def close(self, timeout_s: float) -> bool:

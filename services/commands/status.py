@@ -1,4 +1,4 @@
-"""`heel status`: which services are there, which are not, and what the robot is doing."""
+"""`heel status`: which services are present, which are missing, and what the robot does."""
 
 from __future__ import annotations
 
@@ -48,7 +48,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _LISTEN_S = 1.3
-"""Five messages of health of most services; one of those that send it once a second."""
+"""Seconds of listening: five messages of health of most services, and one of those that send it
+once a second."""
 _MAX_WAITING = 1024
 """Messages that may wait to be read: bounds memory and time in a flood; chosen by hand."""
 _SHM = {True: "yes", False: "no", None: "-"}
@@ -56,7 +57,7 @@ _SHM = {True: "yes", False: "no", None: "-"}
 
 @dataclass
 class _Heard:
-    """What came in while this command listened."""
+    """Messages received while this command listened."""
 
     watch: ChainWatch = field(default_factory=ChainWatch)
     tracks: Tracks | None = None
@@ -64,7 +65,7 @@ class _Heard:
     unreadable: list[str] = field(default_factory=list)
 
     def problems(self, where: Where, now_s: float) -> list[Problem]:
-        """What is wrong with the services that are there, and which are not there."""
+        """Problems of the services that are present, and the services that are missing."""
         found = self.watch.problems(now_s)
         expected = set(where.run.parts if where.run is not None else ())
         for part, state in self.watch.rows(now_s):
@@ -80,7 +81,7 @@ class _Heard:
 
     @property
     def people(self) -> list[dict[str, Any]]:
-        """People that can be chosen: ids in sight."""
+        """People that can be chosen: the shown tracks."""
         tracks = () if self.tracks is None else self.tracks.tracks
         return [
             {"id": track.id, "state": track.state,
@@ -120,7 +121,7 @@ def status(
 
 
 def _fails(health: Health) -> bool:
-    """Whether a service that speaks does not do its work; one that merely complains does."""
+    """Whether a service that sends health does not do its work; a degraded one may still do it."""
     idle = health.rate_out_hz == 0.0 and health.service in CHAIN
     return health.state == "error" or (health.state == "degraded" and idle)
 
@@ -195,7 +196,7 @@ def _print(
 ) -> None:
     from rich.console import Console
 
-    # Nothing below is markup: what services say of themselves is text like any other.
+    # Nothing below is markup: the services' own texts are shown as they are.
     console = Console(soft_wrap=True, highlight=False, markup=False, emoji=False)
     named = f"  (heel {where.run.kind}, process {where.run.pid})" if where.run is not None else ""
     console.print(f"router {where.router}{named}")
@@ -222,7 +223,7 @@ def _print(
 
 
 def facts(state: FollowState) -> str:
-    """What the follower knows of its target and of the way, as one line."""
+    """The follower's estimates of its target and of the free way, as one line."""
     known = []
     if state.distance_m is not None:
         known.append(f"{state.distance_m:.1f} m away")

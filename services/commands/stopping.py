@@ -1,4 +1,4 @@
-"""`heel stop` and `heel resume`: they end within two seconds and say what is true by then."""
+"""`heel stop` and `heel resume`: they end within two seconds and report the state by then."""
 
 from __future__ import annotations
 
@@ -20,16 +20,19 @@ from heel.services.runtime.logs import printable
 from heel.services.runtime.stop_socket import LocalAnswer, drives_here
 
 _IN_ALL_S = 1.8
-"""From the start of the process to its last word, a little below the two seconds that are said."""
+"""Seconds from the start of the process to its last line, a little below the two that are
+promised."""
 _AT_LEAST_S = 1.0
-"""The same from where the command begins to talk, on a computer that takes long to start one."""
+"""The same from the first message, on a computer that takes long to start a process; chosen by
+hand."""
 # A resume has no hurry.
 _ASK_S = 1.2
 """Longest wait of a resume for drive and follower to answer [s]; chosen by hand."""
 _OBEY_S = 1.0
 """Longest wait of a resume for drive and follower to obey [s]; chosen by hand."""
 _SAID_AT_LEAST = 3
-"""A stop goes out so often even when the first was confirmed: confirmations may be lies."""
+"""Times that a stop is sent even if the first was confirmed: a confirmation may be forged. Chosen
+by hand."""
 _HERE_S = 0.6
 """Longest wait for the drives of this machine [s]: a drive's loop goes round within half of it, or
 hangs. The same for a renewed stop to be confirmed."""
@@ -55,7 +58,7 @@ def stop(
 
     def enough(heard: Heard, now_s: float) -> bool:
         if here.confirmed:
-            # It tells the others itself; they are waited for a moment only.
+            # The drive passes the stop on itself; the others are waited for a moment only.
             return heard.said >= _SAID_AT_LEAST or now_s >= here.done_s + _CLOSE_S
         if not here.done:
             return False
@@ -114,7 +117,7 @@ def resume(
 
 
 class _Here:
-    """The drives of the robot on this machine, spoken to by their sockets in a thread."""
+    """The drives of the robot on this machine, asked through their sockets in a thread."""
 
     def __init__(self, where: Where, press: EStop | None) -> None:
         self.answers: list[LocalAnswer] = []
@@ -137,15 +140,15 @@ class _Here:
 
     @property
     def confirmed(self) -> bool:
-        """Whether there are drives here, and all of them stand."""
+        """Whether there are drives here, and all of them are stopped."""
         return self.done and _all_stand([answer.state for answer in self.answers])
 
 
 def stopped(heard: Heard, here: list[LocalAnswer], now_s: float) -> bool | None:
-    """Whether the drives confirm a stop; None if no drive has said anything.
+    """Whether the drives confirm a stop; None without a state of any drive.
 
-    The word of the drives on this machine, which nobody can forge, goes before what came over
-    the network.
+    The states of the drives on this machine, which cannot be forged, go before those that came
+    over the network.
     """
     if here:
         return _all_stand([answer.state for answer in here])
@@ -168,7 +171,7 @@ def _all_stand(states: list[DriveState | None]) -> bool:
 def told_of_stop(
     heard: Heard, here: list[LocalAnswer], router: str, now_s: float
 ) -> tuple[str, bool]:
-    """What became of a stop, for people, and whether it failed."""
+    """Result of a stop as text for a user, and whether it failed."""
     confirmed = stopped(heard, here, now_s)
     if confirmed:
         states = [answer.state for answer in here] or list(heard.fresh_drives(now_s).values())
@@ -233,10 +236,10 @@ def refusal(
 
 
 def is_released(heard: Heard, drive: bool, follower: bool, now_s: float) -> bool:
-    """Whether every process that has to obey says that no emergency stop holds.
+    """Whether every process that has to obey reports that no emergency stop holds.
 
     Args:
-        heard: by now.
+        heard: state received by now.
         drive: whether there is a drive.
         follower: whether there has to be a follower.
         now_s: monotonic.
@@ -269,7 +272,7 @@ def _deadline_s() -> float:
 
 
 def _age_s() -> float:
-    """Seconds since this process was started, 0 where the system does not tell."""
+    """Seconds since this process was started, 0 where the system does not know."""
     try:
         ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
         boot_s = time.clock_gettime(time.CLOCK_BOOTTIME)
@@ -279,7 +282,7 @@ def _age_s() -> float:
 
 
 def _end(line: RobotLine, words: str, failed: bool) -> None:
-    """Say the last word and end, also where Zenoh blocks.
+    """Print the result and end, also where Zenoh blocks.
 
     Raises:
         HeelError: it failed.
