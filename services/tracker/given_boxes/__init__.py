@@ -1,1 +1,1 @@
-"""The tracker on somebody else's boxes: a MOTChallenge det.txt in, identities out."""
+"""The tracker on given boxes: those of a MOTChallenge det.txt in, identities out."""

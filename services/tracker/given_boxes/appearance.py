@@ -1,7 +1,8 @@
-"""What the people in boxes look like: colours of five bands of the body, all boxes at once.
+"""Appearance descriptors of boxes: colours of five bands of the body, all boxes at once.
 
 One colour histogram per body band, compared by the Hellinger distance. Histograms are soft: a pixel
-is shared between neighbouring bins, so that a slight change of light moves a look only slightly.
+is shared between neighbouring bins, so that a slight change of light moves a descriptor only
+slightly.
 """
 
 from __future__ import annotations
@@ -18,20 +19,31 @@ from heel.services.tracker.given_boxes.geometry import FloatArray
 Patch = NDArray[np.uint8]
 """(H, W, 3) uint8 BGR pixels under a box."""
 
-# To which every patch is brought; twice the size takes four times as long.
-_WIDTH, _HEIGHT = 12, 24
+_WIDTH = 12
+"""Columns [px] to which every patch is brought; twice the size takes four times as long."""
+_HEIGHT = 24
+"""Rows [px] to which every patch is brought, twice `_WIDTH`, as a standing person; chosen by
+hand."""
 _BANDS = ((1, 4), (4, 8), (8, 13), (13, 18), (18, 23))  # rows: head, chest, hips, thighs, shins
-_LIGHTS, _HUES = 8, 8
+_LIGHTS = 8
+"""Bins of lightness, each of 32 of its 256 levels; chosen by hand."""
+_HUES = 8
+"""Bins of each of Lab's axes a and b, each of 8 levels about grey; chosen by hand."""
 _PER_BAND = _LIGHTS + _HUES * _HUES
 LOOK_LENGTH = len(_BANDS) * _PER_BAND
-_LEAST_WIDTH, _LEAST_HEIGHT = 3, 6  # pixels; less has no look
+# Smallest patch that has a descriptor [px]: a quarter of the size to which patches are brought,
+# chosen by hand.
+_LEAST_WIDTH = 3
+_LEAST_HEIGHT = 6
 
-# Exposure changes by more than what tells clothes apart: lightness is blurred over three bins.
+# Exposure changes by more than the lightness of clothes differs: it is blurred over three bins.
+# The shares are chosen by hand.
 _BLUR = sum(np.eye(_LIGHTS, k=k) * share for k, share in ((-1, 0.3), (0, 0.4), (1, 0.3)))
 _ACROSS = (np.arange(_WIDTH) + 0.5) / _WIDTH - 0.5
 _ROWS = np.concatenate([np.arange(low, high) for low, high in _BANDS])
 _BAND_OF_ROW = np.repeat(np.arange(len(_BANDS)), [high - low for low, high in _BANDS])
-# A person is in the middle of the box, what is beside them is background.
+# A person is in the middle of the box, with background at both sides. The standard deviation of
+# 0.16 box widths is chosen by hand.
 _WEIGHT = np.tile(np.exp(-0.5 * (_ACROSS / 0.16) ** 2), len(_ROWS))
 _BAND_OFFSET = np.repeat(_BAND_OF_ROW, _WIDTH) * _PER_BAND
 
@@ -45,7 +57,7 @@ def cut_out(image: NDArray[np.uint8], boxes: FloatArray) -> list[Patch]:
 
 
 def describe(patches: Sequence[Patch]) -> FloatArray:
-    """Looks of N patches: (N, `LOOK_LENGTH`), rows of unit Euclidean length.
+    """Appearance descriptors of N patches: (N, `LOOK_LENGTH`), rows of unit Euclidean length.
 
     Square roots of Lab histograms in five bands, weighted towards the patch's upright axis, where
     the person is. Patches of a few pixels give equal entries.
@@ -62,7 +74,10 @@ def describe(patches: Sequence[Patch]) -> FloatArray:
 
 
 def _small(patch: Patch) -> Patch:
-    """Averaging a large patch whole takes longer than all the rest: every k-th pixel will do."""
+    """The patch at the size of a descriptor, from every k-th pixel of a large one.
+
+    The mean over all pixels of a large patch takes longer than all the rest.
+    """
     step = max(1, min(patch.shape[0] // (2 * _HEIGHT), patch.shape[1] // (2 * _WIDTH)))
     even = cv2.resize(patch[::step, ::step], (_WIDTH, _HEIGHT), interpolation=cv2.INTER_AREA)
     return np.asarray(even[_ROWS], np.uint8)

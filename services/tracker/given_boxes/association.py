@@ -1,8 +1,8 @@
-"""Which box belongs to which track: log likelihood ratios, Kuhn-Munkres, and how sure that is.
+"""Association of boxes and tracks: log likelihood ratios, Kuhn-Munkres, marginal probabilities.
 
 A pair's weight is the log of the odds that the box comes from the track rather than from a
-newcomer or a false alarm, so gating and refusing are one rule: a track whose prediction has grown
-vague loses to `_NEWCOMER_DENSITY` by itself.
+newcomer or a false alarm, so gate and refusal are one rule: a track whose predicted variance has
+grown large loses to `_NEWCOMER_DENSITY` by itself.
 """
 
 from __future__ import annotations
@@ -21,15 +21,16 @@ from heel.services.tracker.given_boxes.kalman import (
 )
 
 REFUSED = -1e6
-"""Log odds of what must not be paired."""
+"""Log odds of a pair that is not allowed; below any sum of allowed ones."""
 _TAIL = 7.0
 """Degrees of freedom of the Student t likelihood of a box; chosen by hand."""
 GATE = 5.5
-"""Largest normalised distance of a box to a track [sigmas]; beyond the tails of any detector."""
+"""Largest normalised distance of a box to a track [sigmas]; beyond the tails of any detector;
+chosen by hand."""
 _NEWCOMER_DENSITY = 0.6
 """Expected unexplained boxes per square height of image; chosen by hand."""
 _HEIGHT_SPREAD = 0.5
-"""Standard deviation of ln(height) among people of one scene."""
+"""Standard deviation of ln(height) among people of one scene; chosen by hand."""
 
 
 def log_student(residual: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -60,10 +61,10 @@ def in_heights(heights: FloatArray) -> FloatArray:
 
 
 def newcomer_log_density(measurements: FloatArray) -> FloatArray:
-    """Log density (M,) of a box that no known person explains, per squared height and ln sizes."""
+    """Log density (M,) of a box of no known person, per squared height and logarithms of sizes."""
     aspect = measurements[:, 3] - math.log(ASPECT_MEAN)
     variance = ASPECT_SPREAD**2 + NOISE_ASPECT**2
-    # A newcomer's height is anything people have in one scene: the mean log density of a normal.
+    # A newcomer's height is distributed as people's in one scene: the mean log density of a normal.
     height = -0.5 * math.log(2 * math.pi) - math.log(_HEIGHT_SPREAD) - 0.5
     aspects = -0.5 * math.log(2 * math.pi * variance) - 0.5 * aspect**2 / variance
     return np.asarray(math.log(_NEWCOMER_DENSITY) + height + aspects)

@@ -1,4 +1,4 @@
-"""Tracking of people on given boxes: one call per frame, boxes in, tracks with identities out."""
+"""Tracking of people by given boxes: one call per frame, boxes in, tracks with identities out."""
 
 from __future__ import annotations
 
@@ -43,31 +43,35 @@ from heel.services.tracker.given_boxes.tuning import FILE, Tuning
 from heel.services.tracker.report import Report
 
 _EPSILON_S = 1e-6
-"""Slack of comparisons of times, below any frame's."""
+"""Slack of comparisons of times [s], below any frame's."""
 _LEAST_WITNESSES = 2
-"""People whose innovations tell a motion of the camera from their own."""
+"""Fewest people whose innovations separate a motion of the camera from their own."""
 _KEEP_SCORE = 0.3
 """Least score of a box that is used at all, share of a usual person's; chosen by hand."""
 _DETECTION_RATE = 0.75
-"""Probability that a visible person gets a box."""
+"""Probability that a visible person gets a box; chosen by hand."""
 _HIDING = 0.55
-"""Loss of detection rate of a person that another wholly covers."""
+"""Share of the detection rate that is lost where another person covers the whole box; chosen by
+hand."""
 _HIDDEN = 0.5
-"""Covered share from which a missing person counts as hidden."""
+"""Covered share from which a missing person counts as hidden; chosen by hand."""
 _CONTACT = 0.02
-"""Probability that a box is the other track's from which two tracks are in contact."""
+"""Probability that a box is the other track's from which two tracks are in contact; chosen by
+hand."""
 _PRESENT_S = 0.25
-"""How long ago a moment ago is; chosen by hand."""
+"""Time without a box up to which a track counts as present [s]; chosen by hand."""
 _WALK = 0.7
-"""Distance from its birthplace that makes a walker [heights]."""
+"""Distance from its birthplace from which a track has walked [heights]; chosen by hand."""
 _TENTATIVE_S = 0.3
-"""Time without a box after which a track that is not confirmed is dropped; chosen by hand."""
+"""Time without a box after which a track that is not confirmed is dropped [s]; chosen by hand."""
 _DOUBT_S = 10.0
-"""Time out of sight that makes an identity 1/e as sure, appearance unknown."""
+"""Time out of sight in which the confidence in an identity falls to 1/e [s], appearance unknown;
+chosen by hand."""
 _GIVE_UP = 0.03
-"""Identity confidence below which a track gets a fresh id."""
+"""Identity confidence below which a track gets a fresh id; chosen by hand."""
 _AWAY_S = 0.2
-"""Time without a box after which a track is back rather than missed by the detector."""
+"""Time without a box [s] after which the next box is a return, and less a failure of the detector;
+chosen by hand."""
 
 
 class BoxTracker:
@@ -82,11 +86,11 @@ class BoxTracker:
         image_size: tuple[int, int] | None = None,
         next_id: int = 1,
     ) -> None:
-        """Start with nobody.
+        """Start without tracks.
 
         Args:
-            tuning: how sure it has to be of what.
-            image_size: (width, height) in pixels; without it nobody is known to have left.
+            tuning: thresholds of the tracker.
+            image_size: (width, height) in pixels; without it no track is known to have left.
             next_id: the first id to give out.
         """
         self._tuning = tuning
@@ -110,15 +114,15 @@ class BoxTracker:
         camera: CameraStep | None = None,
         proven: NDArray[np.bool_] | None = None,
     ) -> list[Report]:
-        """Take one frame's boxes and return every track that is alive and near.
+        """Take one frame's boxes and return every track that is not lost.
 
         Args:
             boxes: (N, 4) xyxy pixels, in any order; those thinner than a pixel are left out.
             scores: (N,), any scale, more is surer.
             t_s: time of the frame in seconds, not before the last frame's.
-            looks: (N, D) as of `appearance.describe`, or None without pictures.
-            camera: how the picture moved since the frame before, where that is known.
-            proven: (N,) whether a box is known to be on a person and no thing; all if None.
+            looks: (N, D) appearance descriptors of `appearance.describe`, or None without pictures.
+            camera: motion of the picture since the frame before, where that is known.
+            proven: (N,) whether a box is known to be on a person, not a thing; all if None.
 
         Raises:
             HeelError: a box or score is not finite, a box has no area, or time runs backwards.
@@ -233,7 +237,7 @@ class BoxTracker:
         return pairs, merges, marginals(log_odds)
 
     def _look_odds(self, boxes: FloatArray, looks: FloatArray, t_s: float) -> FloatArray:
-        """Log odds (N, M) of looks; who has just been seen and is not covered is not vetoed."""
+        """Log odds (N, M) of appearance; they cannot refuse a box to a present, uncovered track."""
         present = np.array(
             [
                 track.confirmed
@@ -292,7 +296,7 @@ class BoxTracker:
     def _sure_back(
         self, track: Track, frame: FrameBoxes, box: int, unseen: list[Track], t_s: float
     ) -> float:
-        """Factor in [0, 1] on the confidence in a track that has got a box after time unseen."""
+        """Factor in [0, 1] on the confidence in a track that has a box after time unseen."""
         if frame.looks is None:
             unseen_s = max(t_s - self._elapsed_s - track.seen_s, 0.0)
             return math.exp(-unseen_s / _DOUBT_S)
@@ -303,7 +307,7 @@ class BoxTracker:
         return self._identity.back(track, frame.looks[box], missing, at_edge)
 
     def _in_doubt(self, track: Track, away_s: float, rivals: float) -> bool:
-        """Whether a box is no reason to go on with an id: rather a fresh one than a wrong one."""
+        """Whether a box leaves the id so uncertain that a fresh one is given."""
         back = away_s > max(_AWAY_S, 1.5 * self._elapsed_s)
         return track.confidence < _GIVE_UP or (back and rivals > self._tuning.rivals)
 

@@ -1,9 +1,9 @@
-"""Does the camera move, and how? Told by the boxes alone.
+"""Motion of the camera, estimated from the boxes alone.
 
-A Kalman filter's surprises are each person's own while the camera stands: people do not change pace
-together. A camera that turns or shakes surprises all of them at once and alike. So the correlation
-of surprises between people of one frame tells a moving camera; people who walk steadily side by
-side do not look like one, since the filters expect what they do.
+The innovations of the Kalman filters are independent while the camera stands: people do not change
+pace together. A camera that turns or shakes causes equal innovations of all of them at once. So the
+correlation of innovations between people of one frame shows a moving camera; people that walk
+steadily side by side do not appear as one, since their filters predict that.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from heel.services.tracker.given_boxes.track import Track
 _MOST_CORRELATION = 0.07
 """Correlation of innovations up to which the camera is taken to stand; chosen by hand."""
 _PRIOR_BOXES = 200.0
-"""Weight of the prior that it stands [boxes]: some seconds of a group."""
+"""Weight of the prior that it stands [boxes]: some seconds of a group; chosen by hand."""
 _MEMORY_FRAMES = 500.0
-"""Memory of innovations [frames]: some twenty seconds."""
+"""Memory of innovations [frames]: some twenty seconds; chosen by hand."""
 
 
 class CameraMotion:
-    """Running correlation of surprises, started from a camera that stands still."""
+    """Running correlation of innovations, started from a camera that stands still."""
 
     def __init__(self) -> None:
-        # Surprises below the usual scatter of boxes say nothing: hand-made boxes are corrected in
-        # one frame for everybody, which is no motion of the camera.
+        # Innovations below the usual scatter of boxes do not count: hand-made boxes are corrected
+        # for all people in one frame, which is no motion of the camera.
         self._scatter = NOISE_X**2 + NOISE_Y**2
         self._common = 0.0
         self._total = 0.0
         self._weight = 0.0
 
     def learn(self, surprises: FloatArray) -> None:
-        """Take one frame's innovations (N, 2) of people seen in the last frame, too, in heights.
+        """Take one frame's innovations (N, 2), in heights, of people seen in the last frame, too.
 
         Under equal correlation c, E[(sum e)^2 - sum e^2] = (n - 1) c E[sum e^2].
         """
@@ -51,7 +51,7 @@ class CameraMotion:
         self._weight = keep * self._weight + count
 
     def correlation(self) -> float:
-        """Share in [0, 1] of the surprises that people have in common; 0 until it is known."""
+        """Share in [0, 1] of the innovations that people have in common; 0 until it is known."""
         if self._weight == 0:
             return 0.0
         sure = self._weight / (self._weight + _PRIOR_BOXES)
@@ -63,11 +63,11 @@ class CameraMotion:
 
 
 def common_shift(surprises: FloatArray, variances: FloatArray) -> FloatArray:
-    """The motion (2,) in pixels that people in one frame did not make themselves: the camera's.
+    """The common part (2,) in pixels of one frame's innovations: the motion of the camera.
 
     Args:
-        surprises: (N, 2) pixels by which boxes missed their predictions, N > 0.
-        variances: (N, 2) that were expected of them; what is beyond three sigmas is cut to that.
+        surprises: (N, 2) innovations of the boxes' centres in pixels, N > 0.
+        variances: (N, 2) predicted, px^2; innovations beyond three sigmas are clipped to that.
     """
     most = 3 * np.sqrt(variances)
     return np.asarray(
@@ -78,12 +78,13 @@ def common_shift(surprises: FloatArray, variances: FloatArray) -> FloatArray:
 def shift_unseen(
     unseen: Sequence[Track], surprises: FloatArray, covariance: FloatArray, variance: FloatArray
 ) -> None:
-    """A camera that turns shifts those without a box as it shifts the others; in place.
+    """Shift tracks without a box by the motion of the camera that the others show; in place.
 
     Args:
-        unseen: who is to be shifted.
-        surprises: (N, 2) pixels of those with a box, N > 0.
-        covariance: (N, 4, 2, 2) predicted, and variance: (N, 4) of boxes, theirs; see `kalman`.
+        unseen: tracks to shift.
+        surprises: (N, 2) innovations in pixels of the tracks with a box, N > 0.
+        covariance: (N, 4, 2, 2) predicted, and variance: (N, 4) of boxes, of the same tracks; see
+            `kalman`.
     """
     total = covariance[:, :2, 0, 0] + variance[:, :2]
     shift = common_shift(surprises, total)

@@ -1,4 +1,5 @@
-"""A camera that moves and says so: what is known of people is carried along with the picture."""
+"""Warp of tracks by a known motion of the camera: states and remembered places move with the
+picture."""
 
 from __future__ import annotations
 
@@ -13,16 +14,17 @@ from heel.services.tracker.given_boxes.geometry import FloatArray
 from heel.services.tracker.given_boxes.track import Track
 
 _DRIFT = 0.1
-"""Share of a shift that it may be wrong by even if all features agree: near things shift more."""
+"""Relative standard deviation of a shift even if all features agree, since near things shift more;
+chosen by hand."""
 _LATELY_S = 1.0
-"""Time in which a camera's pace of lately falls to 1/e."""
+"""Time constant of the camera's recent step [s]; chosen by hand."""
 _JERK = 2.0
-"""How much faster than lately a camera may be whose motion cannot be told."""
+"""Standard deviation of an unknown step of the camera [its recent steps]; chosen by hand."""
 
 
 @dataclass(frozen=True)
 class CameraStep:
-    """How the picture moved since the frame before.
+    """Motion of the picture since the frame before.
 
     Attributes:
         matrix: (2, 3) affine, from old pixels to new ones.
@@ -34,16 +36,16 @@ class CameraStep:
 
     @classmethod
     def told(cls, motion: CameraMotion) -> CameraStep:
-        """As a message tells it."""
+        """As reported by a message."""
         return cls(np.array(motion.affine).reshape(2, 3), motion.quality)
 
     def places(self, points: FloatArray) -> FloatArray:
-        """Where (N, 2) points of the frame before are now."""
+        """Places (N, 2) in this frame of (N, 2) points of the frame before, pixels."""
         return np.asarray(points @ self.matrix[:, :2].T + self.matrix[:, 2])
 
 
 class Carrier:
-    """Carries what is known of people along with the camera, and knows how fast it moved lately."""
+    """Warps tracks by the motion of the camera, and remembers the size of its recent steps."""
 
     def __init__(self) -> None:
         """Start with a camera that has not moved."""
@@ -52,11 +54,11 @@ class Carrier:
     def carry(self, tracks: Sequence[Track], step: CameraStep, elapsed_s: float) -> None:
         """Move the state and the remembered places of tracks by a camera step, in place.
 
-        A step of quality 0 says nothing: people may then be anywhere that a camera as fast as
-        lately, or somewhat faster, could have put them. It is most often a jerk that hides a step.
+        A step of quality 0 is unknown: the variance of all places then grows by a step somewhat
+        larger than the recent ones, since it is most often a jerk of the camera that hides it.
 
         Args:
-            tracks: whom to carry. step: of the camera, since the frame before.
+            tracks: to warp. step: of the camera, since the frame before.
             elapsed_s: since the frame before.
         """
         self._lately_px *= math.exp(-elapsed_s / _LATELY_S)
@@ -70,10 +72,10 @@ class Carrier:
 
 
 def _carry(tracks: Sequence[Track], step: CameraStep, unknown_px: float) -> None:
-    """Carry, with a spread of `unknown_px` on top.
+    """Warp, and add a standard deviation of `unknown_px` to the places.
 
-    Axes stay independent (see `kalman`): what a turn of the picture mixes between x and y goes into
-    their variances, not between them.
+    Axes stay independent (see `kalman`): a rotation of the picture, which mixes x and y, changes
+    their variances and no covariance between them.
     """
     linear = step.matrix[:, :2]
     growth = 0.5 * float(np.log(max(abs(np.linalg.det(linear)), 1e-6)))

@@ -1,9 +1,9 @@
-"""Who is who after two people met: the paper's question at the split, asked of their looks.
+"""Identities of two people after a contact: the paper's decision at the split, by appearance.
 
-While two people can be taken for each other, their galleries stay as they were before. Once both,
-or one of them, are seen alone again, each look is held against both galleries. If the looks say
-that the two have changed places, they change their ids back; if they cannot tell, as with twins,
-the doubt that motion left stays.
+While two people can be confused, their galleries stay as they were before. Once both, or one of
+them, are seen alone again, each appearance descriptor is compared with both galleries. If the
+descriptors decide that the two tracks were exchanged, the ids are exchanged back; if they cannot
+decide, as with twins, the doubt that motion left stays.
 """
 
 from __future__ import annotations
@@ -21,20 +21,22 @@ from heel.services.tracker.given_boxes.track import Track
 _LEAST_LOOKS = 2
 """Frames with a descriptor before a contact is decided; chosen by hand."""
 _INDEPENDENT = 4.0
-"""Descriptors of neighbouring frames repeat each other: more count no more."""
+"""Descriptors up to which evidence adds up, as those of neighbouring frames are not independent;
+chosen by hand."""
 _MOST_PRIOR = 4.0
 """Most log odds that motion alone can give; chosen by hand."""
 _MOST_OPEN = 64
-"""Bound of the undecided contacts: of more people the oldest are left undecided."""
+"""Most undecided contacts: of more the oldest are left undecided. Chosen by hand."""
 _DECIDE = 3.0
 """Log odds that decide a contact: 20 to 1."""
 _SETTLE_S = 2.0
-"""Time in clear view after which a contact that colours cannot decide is closed."""
+"""Time in clear view after which a contact that colours cannot decide is closed [s]; chosen by
+hand."""
 
 
 @dataclass
 class Contact:
-    """Two people who may have been exchanged."""
+    """Two people whose tracks may have been exchanged."""
 
     people: tuple[Track, Track]
     galleries: tuple[Gallery, Gallery]
@@ -45,14 +47,14 @@ class Contact:
     clear_s: float = 0.0
 
     def share_doubt(self, kept_log_odds: float) -> None:
-        """If one of the two may be the other, so may the other be the one."""
+        """Lower the confidence in both tracks by the probability that they were exchanged."""
         kept = 1 / (1 + math.exp(-kept_log_odds))
         for track, before in zip(self.people, self.confidences, strict=True):
             track.confidence = min(track.confidence, before * kept)
             track.runner_up = max(track.runner_up, before * (1 - kept))
 
     def kept_log_odds(self) -> float:
-        """Log odds that the two were not exchanged, by motion and looks."""
+        """Log odds that the two were not exchanged, by motion and appearance."""
         kept = min(
             track.confidence / max(before, 1e-9)
             for track, before in zip(self.people, self.confidences, strict=True)
@@ -66,16 +68,16 @@ class Contacts:
     """All contacts that are not decided yet."""
 
     def __init__(self, looks: LookModel) -> None:
-        """Start with nobody near anybody."""
+        """Start without contacts."""
         self._looks = looks
         self._open: list[Contact] = []
 
     def among(self, track: Track) -> bool:
-        """Whether it is open who this is."""
+        """Whether the identity of a track is undecided."""
         return any(track in contact.people for contact in self._open)
 
     def touch(self, first: Track, second: Track, t_s: float) -> None:
-        """Note that two people can be taken for each other in this frame."""
+        """Note that two people can be confused in this frame."""
         if first is second or not (first.gallery.looks and second.gallery.looks):
             return
         for contact in self._open:
@@ -95,11 +97,11 @@ class Contacts:
     def decide(
         self, tracks: Sequence[Track], looks: FloatArray, known: set[int], t_s: float, dt_s: float
     ) -> None:
-        """Hold the looks of people seen alone against the galleries, and close what is clear.
+        """Compare the descriptors of people seen alone with galleries; close decided contacts.
 
         Args:
-            tracks: people seen alone in this frame. looks: (N, D), theirs.
-            known: `id()` of everybody who is in sight or remembered.
+            tracks: people seen alone in this frame. looks: (N, D), their descriptors.
+            known: `id()` of all tracks in sight or remembered.
             t_s: now. dt_s: seconds since the frame before.
         """
         undecided = []
@@ -131,7 +133,7 @@ class Contacts:
 
 
 def _close(contact: Contact, kept_log_odds: float, exchanged: bool) -> None:
-    """Believe what was found, and give both their own ids and galleries if they had changed."""
+    """Close a contact, and exchange ids and galleries if the tracks were exchanged."""
     sure = 1 / (1 + math.exp(kept_log_odds if exchanged else -kept_log_odds))
     names = [track.track_id for track in contact.people]
     for place, track in enumerate(contact.people):
@@ -150,7 +152,7 @@ def pairs_in_doubt(sure: FloatArray, pairs: Sequence[tuple[int, int]], least: fl
 
     Args:
         sure: (N, M) marginal probabilities of tracks and boxes. pairs: (track, box) as assigned.
-        least: probability from which the other one is in the running.
+        least: probability from which the other track counts.
     """
     found = []
     for i, j in pairs:

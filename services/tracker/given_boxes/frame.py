@@ -1,4 +1,4 @@
-"""One frame's boxes as the tracker takes them: checked, and in an order of their own."""
+"""One frame's boxes as the tracker takes them: checked and sorted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from heel.schemas.errors import HeelError
 from heel.services.tracker.given_boxes.geometry import FloatArray, boxes_to_measurements
 
-_LEAST_SIDE_PX = 1.0  # thinner boxes are numerical leftovers of clipping
+_LEAST_SIDE_PX = 1.0
+"""Least side of a box [px]: thinner ones are numerical leftovers of clipping."""
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,8 @@ class FrameBoxes:
         boxes: (N, 4) xyxy pixels.
         raw: (N,) the detector's scores, any scale.
         scores: (N,) in [0, 1], see `ScoreScale`.
-        looks: (N, D) as of `appearance.describe`, or None without pictures.
-        proven: (N,) whether a box is known to be on a person and no thing.
+        looks: (N, D) descriptors of `appearance.describe`, or None without pictures.
+        proven: (N,) whether a box is known to be on a person, not a thing.
     """
 
     boxes: FloatArray
@@ -50,7 +51,7 @@ def checked(
     looks: FloatArray | None,
     proven: NDArray[np.bool_] | None = None,
 ) -> FrameBoxes:
-    """Boxes sorted by place, so that the order in which a detector lists them plays no part.
+    """Boxes sorted by place, so that the detector's order has no influence.
 
     Boxes thinner than a pixel are left out.
 

@@ -1,4 +1,4 @@
-"""Boxes as the association modules need them: as measurements, and who may hide whom.
+"""Boxes as the association modules need them: as measurements, and which box may hide which.
 
 Every function is pure and works on float arrays of `xyxy` pixel boxes, origin top-left.
 """
@@ -12,7 +12,8 @@ from heel.services.geometry.boxes import cover_matrix
 
 FloatArray = NDArray[np.float64]
 
-AXES = 4  # centre x, centre y, log height, log aspect ratio (width / height)
+AXES = 4
+"""Axes of a measurement: centre x, centre y, ln height, ln aspect ratio (width / height)."""
 
 
 def boxes_to_measurements(boxes: FloatArray) -> FloatArray:

@@ -1,10 +1,10 @@
-"""Merged boxes: one detector box drawn around several people who overlap.
+"""Merged boxes: one detector box drawn around two people that overlap.
 
-The paper sees a merge when the number of blobs falls and a larger blob appears. Here the same is a
-hypothesis beside the others: the box is the union of the predicted boxes of two people. If it wins,
-each edge of the box is believed to be that of the person whose predicted edge lies outermost, and
-with the person's known size that edge alone tells where the person is. So both are still measured
-while merged, and part with the right identities at the split.
+The paper detects a merge when the number of blobs falls and a larger blob appears. Here a merge is
+a hypothesis beside the others: the box is the union of the predicted boxes of two people. If it
+wins, each edge of the box is taken for that of the person whose predicted edge lies outermost, and
+with the person's known size that edge alone gives the person's place. So both are measured while
+merged, and keep their identities at the split.
 """
 
 from __future__ import annotations
@@ -34,26 +34,29 @@ from heel.services.tracker.given_boxes.kalman import NOISE_ASPECT, NOISE_HEIGHT,
 from heel.services.tracker.given_boxes.track import Track
 
 _UNKNOWN = 1e12
-"""Variance factor of an axis that was not measured."""
+"""Variance, and variance factor, of an axis that was not measured: above any other."""
 _OVERLAP = 0.2
-"""Predicted overlap, share of the smaller box, from which two people may share one box."""
+"""Predicted overlap, share of the smaller box, from which two people may share one box;
+chosen by hand."""
 _RATE = 0.05
-"""Probability that two people who fully overlap get one box; chosen by hand."""
+"""Probability that two people that fully overlap get one box; chosen by hand."""
 _NOISE = 1.5
-"""Scatter of merged boxes [single boxes' scatter]."""
+"""Standard deviation of merged boxes [that of single boxes]; chosen by hand."""
 _GROWTH = 0.2
 """Least excess of the merged box's area over that of either member; chosen by hand."""
 LONGEST_S = 1.0
-"""Longest time without a box of its own for which a track may be in a merged one."""
+"""Longest time without a box of its own for which a track may be in a merged one [s]; chosen by
+hand."""
 _SLACK = 0.05
-"""Edges closer than this are shared [heights]: about the scatter of an edge."""
+"""Distance up to which edges are shared [heights]: about the standard deviation of an edge; chosen
+by hand."""
 _EDGE_NOISE = 2.0
-"""Scatter of a centre measured by one edge [single boxes' scatter]."""
+"""Standard deviation of a centre measured by edges [that of single boxes]; chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Merge:
-    """Two tracks that share one box, and by how much (log odds) this beats leaving all unpaired."""
+    """Two tracks that share one box, and the log odds of that against leaving all unpaired."""
 
     tracks: tuple[int, int]
     box: int
@@ -67,7 +70,7 @@ def merge_candidates(
     rates: FloatArray,
     newcomer: FloatArray,
 ) -> list[Merge]:
-    """All merges worth considering.
+    """All merges that are within the gate and better than leaving all unpaired.
 
     Args:
         members: indices of the tracks that may merge.
@@ -132,7 +135,7 @@ def choose_merges(
         log_odds: (N, M) of single pairs. candidates: merges over the same rows and columns.
 
     Returns:
-        The pairs (track, box), the merges, and the log odds with what is merged refused.
+        The pairs (track, box), the merges, and the log odds with merged rows and columns refused.
     """
     pairs = assign(log_odds)
     merges: list[Merge] = []
@@ -152,7 +155,7 @@ def choose_merges(
 
 
 def measure_members(predicted: FloatArray, box: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where the members of a merged box are, by the edges that are theirs.
+    """Places of the members of a merged box, by the edges that are theirs.
 
     An edge is shared by members whose predicted edges are closer than `_SLACK`.
 
@@ -190,7 +193,7 @@ def correct_merged(
     """Correct the members of every merge by the edges that are theirs, in place.
 
     Args:
-        tracks: that the merges' indices mean. boxes: (M, 4), likewise. t_s: now.
+        tracks: of the merges' indices. boxes: (M, 4), likewise. t_s: now.
     """
     for merge in merges:
         members = [tracks[i] for i in merge.tracks]

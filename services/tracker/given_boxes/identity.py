@@ -1,6 +1,6 @@
-"""Identity by looks: galleries learn from people seen alone, and doubts settle.
+"""Identity by appearance: galleries learn from people seen alone, and doubts settle.
 
-Who is who after two people met is decided in contacts.py, who is back in recall.py.
+Which track is which person after two met is decided in contacts.py, which one is back in recall.py.
 """
 
 from __future__ import annotations
@@ -16,49 +16,53 @@ from heel.services.tracker.given_boxes.looks import LookModel
 from heel.services.tracker.given_boxes.track import Track
 
 _DOUBTED = 0.9
-"""Identity confidence from which on a doubt is settled."""
+"""Identity confidence from which a doubt is settled; chosen by hand."""
 _MOST_ALIKE = 3.0
-"""Log odds by which another's descriptor can count for more than one's own; chosen by hand."""
+"""Most log odds that descriptors give for one person against another; chosen by hand."""
 _CROWD = 0.5
-"""Share of its weight that a descriptor loses if its box is wholly overlapped."""
+"""Share of its weight that a descriptor loses if its box is wholly overlapped; chosen by hand."""
 _ALIKE = 0.05
-"""Odds that a person who is back is another missing person of the same colours."""
+"""Odds that a person that is back is another missing person of the same colours; chosen by hand."""
 _ALIKE_AT_EDGE = 0.4
-"""The same at the edge of the picture, where people come in; chosen by hand."""
+"""The same odds at the edge of the picture, where people come in; chosen by hand."""
 CLEAR = 0.25
-"""Overlap with other boxes up to which a descriptor is learned."""
+"""Covered or shared part of a box up to which the person is seen alone; chosen by hand."""
 
 
 class Identity:
-    """Everything that is known of looks."""
+    """Appearance model, and the contacts that it is to decide."""
 
     def __init__(self, reassure: float) -> None:
-        """Start with nobody known.
+        """Start without galleries.
 
         Args:
-            reassure: how much colours settle a doubt, share of their log odds per second; 0: not.
+            reassure: weight of colours in settling a doubt, share of their log odds per second; 0:
+                they settle none.
         """
         self.model = LookModel()
         self._contacts = Contacts(self.model)
         self._reassure = reassure
 
     def open(self, track: Track) -> bool:
-        """Whether it is not decided who this is."""
+        """Whether the identity of a track is undecided."""
         return self._contacts.among(track)
 
     def log_odds(self, tracks: list[Track], boxes: FloatArray, looks: FloatArray) -> FloatArray:
-        """Log odds (N, M) that (M, 4) boxes of (M, D) looks are of the tracks, less in a crowd."""
+        """Log odds (N, M) that (M, 4) boxes with (M, D) descriptors are of the tracks.
+
+        Overlap with other boxes lowers their weight.
+        """
         weight = 1 - _CROWD * crowding(boxes)
         return self.model.compare([track.gallery for track in tracks], looks) * weight[None]
 
     def back(self, track: Track, look: FloatArray, missing: list[Track], at_edge: bool) -> float:
-        """Probability that somebody who was out of sight is back, and not a known person alike.
+        """Probability that a return is of this track, not of another missing person alike.
 
-        People come into view at its edges, so that there a place says little.
+        People come into view at the edges of the picture, so that a place there is weak evidence.
 
         Args:
-            track: who is said to be back. look: (D,) of the box.
-            missing: other known people who are out of sight. at_edge: whether the box is there.
+            track: back after time out of sight. look: (D,) descriptor of the box.
+            missing: other known tracks that are out of sight. at_edge: whether the box is at one.
         """
         if not missing:
             return 1.0
@@ -76,20 +80,20 @@ class Identity:
         frame: FrameBoxes,
         elapsed_s: float,
     ) -> None:
-        """Let looks settle a doubt that no meeting of two people keeps open.
+        """Let appearance settle a doubt that no contact keeps open.
 
-        Looks of neighbouring frames are alike: those of a second count as one. What speaks for the
-        person is by how much the look is more theirs than anybody else's who is known, so a twin
-        settles nothing. What was learned since the doubt began does not speak: it may be another's.
+        Descriptors of neighbouring frames are alike: those of a second count as one. The evidence
+        is the log odds of the track less those of the best other known track, so that a twin
+        settles nothing. The gallery is that of before the doubt: later descriptors may be another
+        person's.
 
-        Looks raise no doubt here: who was seen all the time and turns round or crouches looks like
-        somebody else at times. Doubts that did grow by it gave up five ids on PETS09-S2L1 with a
-        network, four of them right.
+        Appearance raises no doubt here: a person in sight all the time that turns round or crouches
+        resembles another one at times, and would lose a right id.
 
         Args:
             pairs: tracks and the indices of their boxes.
-            known: everybody in sight or remembered.
-            frame: boxes and looks; without looks nothing is settled.
+            known: all tracks in sight or remembered.
+            frame: boxes and descriptors; without descriptors nothing is settled.
             elapsed_s: since the frame before.
         """
         if frame.looks is None:
@@ -126,9 +130,9 @@ class Identity:
 
         Args:
             pairs: tracks and the indices of their boxes.
-            met: pairs of tracks that can be taken for each other.
+            met: pairs of tracks that can be confused.
             known: `id()` of every track in sight or remembered.
-            frame: boxes and looks; without looks nothing is learned.
+            frame: boxes and descriptors; without descriptors nothing is learned.
             times_s: now, and the time since the frame before.
         """
         if frame.looks is None:
@@ -141,7 +145,7 @@ class Identity:
         clear = [(track, j) for track, j in pairs if alone[j]]
         tracks, looks = [track for track, _ in clear], frame.looks[[j for _, j in clear]]
         self._contacts.decide(tracks, looks, known, t_s, elapsed_s)
-        # Who may be somebody else teaches nothing: the gallery is what settles it.
+        # A track that may be another person's adds nothing: its gallery is to decide that.
         decided = [k for k, track in enumerate(tracks) if not self._contacts.among(track)]
         self._remember([tracks[k] for k in decided], looks[decided])
 

@@ -2,12 +2,11 @@
 
 The paper's state is `[Cx, Cy, A, s, dCx, dCy, dA, ds]`: centre, area, span and their rates. Here
 area and span are replaced by the logarithms of height and aspect ratio (see
-`geometry.boxes_to_measurements`), which makes the four axes independent, so the 8 x 8 filter falls
-apart into four filters of two states (value, rate) with closed forms, and lets every noise be
-stated once for near and far people: lengths are fractions of the person's height, times are
-seconds.
+`geometry.boxes_to_measurements`), which makes the four axes independent. So the 8 x 8 filter falls
+apart into four filters of two states (value, rate) with closed forms, and each noise is one number
+for near and far people: lengths are fractions of the person's height, times are seconds.
 
-The aspect ratio has no rate: it wanders about that of a standing person (Ornstein-Uhlenbeck).
+The aspect ratio has no rate: it is an Ornstein-Uhlenbeck process about that of a standing person.
 """
 
 from __future__ import annotations
@@ -19,8 +18,8 @@ from heel.services.tracker.given_boxes.geometry import AXES, FloatArray
 ASPECT = 3
 """Index of the axis without a rate."""
 
-# How people move and how detectors' boxes scatter about them; lengths in person heights. Fitted by
-# hand to the boxes of public detectors (see docs on association).
+# Motion of people and scatter of detectors' boxes about them; lengths in person heights. All are
+# fitted by hand to the boxes of public detectors (see docs on association).
 NOISE_X = 0.035
 """Standard deviation of a box's centre x [heights]."""
 NOISE_Y = 0.043
@@ -30,9 +29,9 @@ NOISE_HEIGHT = 0.085
 NOISE_ASPECT = 0.13
 """Standard deviation of ln(box width / height)."""
 _ACCELERATION_X = 0.8
-"""White sideways acceleration [heights / s^1.5]: people change pace within a second."""
+"""White sideways acceleration [heights / s^1.5], so that people may change pace within a second."""
 _ACCELERATION_Y = 0.25
-"""White vertical acceleration [heights / s^1.5]: the ground is seen at a slant."""
+"""White vertical acceleration [heights / s^1.5], small as the ground is foreshortened."""
 _ACCELERATION_GROWTH = 0.5
 """White acceleration of ln(height) [1 / s^1.5]."""
 INITIAL_SPEED_X = 1.1
@@ -42,15 +41,15 @@ INITIAL_SPEED_Y = 0.25
 _INITIAL_GROWTH = 0.2
 """Standard deviation of a new track's rate of ln(height) [1/s]."""
 _SPEED_MEMORY_S = 2.5
-"""Without evidence speed decays to 1/e in this time; chosen by hand."""
+"""Time constant of the decay of speed without a box [s]; chosen by hand."""
 _GROWTH_MEMORY_S = 0.3
-"""Without evidence growth decays to 1/e in this time: boxes that breathe do not run away."""
+"""Time constant of the decay of growth without a box [s]: short, as heights of boxes oscillate."""
 ASPECT_MEAN = 0.39
 """Width by height of the box of a standing person."""
 ASPECT_SPREAD = 0.22
 """Standard deviation of ln(width / height) of people."""
 _ASPECT_MEMORY_S = 1.2
-"""Time constant of a person's width by height: about two steps."""
+"""Time constant of a person's width by height [s]: about two steps."""
 
 
 def initial_state(measurements: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -71,7 +70,7 @@ def initial_state(measurements: FloatArray) -> tuple[FloatArray, FloatArray]:
     covariance[:, 0, 1, 1] = (INITIAL_SPEED_X * height_px) ** 2
     covariance[:, 1, 1, 1] = (INITIAL_SPEED_Y * height_px) ** 2
     covariance[:, 2, 1, 1] = _INITIAL_GROWTH**2
-    # The first box is blended with what is known of standing people before any box is seen.
+    # The first box is blended with the prior of standing people.
     prior = ASPECT_SPREAD**2
     gain = prior / (prior + covariance[:, ASPECT, 0, 0])
     mean[:, ASPECT, 0] += (1 - gain) * (np.log(ASPECT_MEAN) - measurements[:, ASPECT])

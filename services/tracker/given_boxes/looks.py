@@ -1,8 +1,8 @@
-"""Optional second opinion: does the box look like the person?
+"""Likelihood ratio of appearance: distances of descriptors to log odds of being the same person.
 
-How far apart two pictures of one person and of two people lie depends on the scene, so both are
-learned from the scene itself: a track that moves alone shows what the same person looks like from
-frame to frame, two tracks in one frame are two people.
+The distances between descriptors of one person and of two people depend on the scene, so both
+distributions are learned from the scene itself: a track that is seen alone gives distances of the
+same person, two tracks in one frame those of two people.
 """
 
 from __future__ import annotations
@@ -16,29 +16,30 @@ from heel.services.tracker.given_boxes.appearance import LOOK_LENGTH, distances
 from heel.services.tracker.given_boxes.geometry import FloatArray
 
 _PRIOR_SAMPLES = 30.0
-"""Weight of what is usual [samples]; chosen by hand."""
+"""Weight of the prior distributions [samples]; chosen by hand."""
 _MOST_SAMPLES = 2000.0
-"""Memory of distances [samples]: a minute or two of a group."""
+"""Memory of distances [samples]: a minute or two of a group; chosen by hand."""
 _LEAST_LOOKS = 3
-"""Fewer descriptors are no gallery."""
+"""Descriptors from which a gallery is compared; chosen by hand."""
 _WEIGHT = 0.7
-"""Share of the log odds of colours that is believed: neighbouring frames share one light."""
+"""Weight of the log odds of colours, below 1 as neighbouring frames have the same light; chosen by
+hand."""
 _MOST = 6.0
 """Most log odds that colours can give; chosen by hand."""
 MOST_AGAINST = 12.0
 """Most log odds that colours can take; chosen by hand."""
 _LEAST_SPREAD = 0.05
-"""Least standard deviation of distances: the grain of the histograms."""
+"""Least standard deviation of distances: the resolution of the histograms; chosen by hand."""
 _MEMORY = 0.03
-"""Share of a new descriptor in a view of a gallery; chosen by hand."""
+"""Least share of a new descriptor in the mean of a view; chosen by hand."""
 _MOST_VIEWS = 5
-"""Views in a gallery: front, back, sides and one more."""
+"""Most views in a gallery: front, back, two sides and one more; chosen by hand."""
 _NEW_VIEW = 0.4
-"""Distance to all views from which a descriptor becomes a view of its own."""
+"""Distance to all views from which a descriptor becomes a view of its own; chosen by hand."""
 
 
 class Gallery:
-    """Looks of one person: a few views that differ, each a slow mean of looks like it."""
+    """Descriptors of one person: a few views that differ, each a slow mean of those near it."""
 
     def __init__(self) -> None:
         self.views = np.zeros((0, LOOK_LENGTH))
@@ -46,17 +47,17 @@ class Gallery:
         self._counts: list[int] = []
 
     def copy(self) -> Gallery:
-        """The gallery as it is now, whatever is added later."""
+        """A copy of the gallery, which later descriptors do not change."""
         other = Gallery()
         other.views, other.looks, other._counts = self.views, self.looks, list(self._counts)
         return other
 
     def newest(self) -> FloatArray:
-        """The view (D,) that was added last; of no colour at all where there is none."""
+        """The view (D,) that was added last; zeros for an empty gallery."""
         return np.asarray(self.views[-1] if len(self.views) else np.zeros(LOOK_LENGTH))
 
     def add(self, look: FloatArray) -> None:
-        """Take in a (D,) look of the person seen alone."""
+        """Take in a (D,) descriptor of the person seen alone."""
         self.looks += 1
         if len(self.views):
             distance = distances(self.views, look[None])[:, 0]
@@ -82,7 +83,7 @@ class LookStatistics:
         self._weight = _PRIOR_SAMPLES
 
     def learn(self, values: FloatArray) -> None:
-        """Take more distances, (N,); the oldest fade once many have been seen."""
+        """Take more distances, (N,); old ones fade from `_MOST_SAMPLES` on."""
         if len(values) == 0:
             return
         self._weight = min(self._weight + len(values), _MOST_SAMPLES)
@@ -90,34 +91,37 @@ class LookStatistics:
         self._square += float((values**2 - self._square).sum()) / self._weight
 
     def log_density(self, value: FloatArray, floor: float) -> FloatArray:
-        """Log of the normal density at `value`, the spread not below `floor`."""
+        """Log of the normal density at `value`, less a constant; deviation not below `floor`."""
         variance = max(self._square - self.mean**2, floor**2)
         return np.asarray(-0.5 * ((value - self.mean) ** 2 / variance + np.log(variance)))
 
 
 class LookModel:
-    """Turns distances of looks into log odds of being the same person."""
+    """Turns distances of descriptors into log odds of being the same person."""
 
     def __init__(self) -> None:
-        """Start from what is usual."""
+        """Start from the priors."""
         self._same = LookStatistics(0.25, 0.08)
         self._other = LookStatistics(0.5, 0.12)
 
     def compare(self, galleries: Sequence[Gallery], looks: FloatArray) -> FloatArray:
-        """Log odds (N, M) that (M, D) looks are of the galleries' people; 0 for young galleries."""
+        """Log odds (N, M) that (M, D) descriptors are of the galleries' people.
+
+        They are 0 for galleries of fewer than `_LEAST_LOOKS` descriptors.
+        """
         known = np.array([gallery.looks >= _LEAST_LOOKS for gallery in galleries], bool)
         odds = self.log_odds(nearest_views(galleries, looks))
         return np.asarray(np.where(known[:, None], odds, 0.0))
 
     def learn(self, galleries: Sequence[Gallery], looks: FloatArray) -> None:
-        """Learn from (N, D) looks of people seen alone in one frame, and their galleries."""
+        """Learn from (N, D) descriptors of people seen alone in one frame, and their galleries."""
         distance = nearest_views(galleries, looks)
         same = np.eye(len(looks), dtype=bool)
         self._same.learn(distance[same])
         self._other.learn(distance[~same])
 
     def log_odds(self, distance: FloatArray) -> FloatArray:
-        """Log odds, same shape as `distance`, limited to what colour can be trusted with."""
+        """Log odds, same shape as `distance`, in [-`MOST_AGAINST`, `_MOST`]."""
         floor = _LEAST_SPREAD
         odds = self._same.log_density(distance, floor) - self._other.log_density(distance, floor)
         # Both normal densities are monotone only between their means.
@@ -127,7 +131,7 @@ class LookModel:
 
 
 def nearest_views(galleries: Sequence[Gallery], looks: FloatArray) -> FloatArray:
-    """Distance (N, M) of (M, D) looks to the nearest view of each gallery; 1 where it is empty."""
+    """Distance (N, M) of (M, D) descriptors to the nearest view of each gallery; 1 if empty."""
     found = np.ones((len(galleries), len(looks)))
     filled: NDArray[np.intp] = np.array(
         [k for k, gallery in enumerate(galleries) if len(gallery.views)], np.intp

@@ -1,9 +1,9 @@
-"""Long memory: is a newcomer somebody who was lost?
+"""Re-identification: log odds that a new track is a lost person.
 
-A lost person is not offered to single boxes, which jump, but to newcomers that have been seen
-long enough to have a speed. Accounts of the gap compete: the person walked on as the filter
-predicts, stayed where last seen, or, where looks can tell, is back anywhere. Against all stands the
-account that the newcomer is new.
+A lost track is not associated with single boxes, which jump, but with new tracks that have been
+seen long enough to have a speed. Hypotheses for the time between compete: the person walked on as
+the filter predicts, stayed where last seen, or, where appearance can decide, is back anywhere. The
+alternative to all of them is that the track is of a new person.
 """
 
 from __future__ import annotations
@@ -25,29 +25,30 @@ from heel.services.tracker.given_boxes.kalman import (
 from heel.services.tracker.given_boxes.track import Track
 
 _RETURN_RATE = 0.5
-"""Probability that a person just lost comes back; chosen by hand."""
+"""Prior probability that a person just lost comes back; chosen by hand."""
 _RETURN_TIME_S = 20.0
-"""Time in which the probability of a return falls to 1/e; chosen by hand."""
+"""Time in which the prior of a return falls to 1/e [s]; chosen by hand."""
 _NEWCOMER_DENSITY = 0.05
-"""Expected new people per square height of image."""
+"""Expected new people per square height of image; chosen by hand."""
 _SETTLE_SPEED = 0.15
-"""Speed at which standing still is one sigma away [heights/s]: a box that jitters."""
+"""Standard deviation of the measured speed of a person that stands [heights/s], whose box jitters;
+chosen by hand."""
 _SETTLE_SPREAD = 0.2
-"""Standard deviation of where a person who stays comes to stand [heights]."""
+"""Standard deviation of the place of a person that has stayed [heights]; chosen by hand."""
 _ELSEWHERE = 0.3
 """Share of returns, recognised by appearance, that are at any place; chosen by hand."""
 _LATER_TRUST = 0.95
-"""Least probability of a return for a track that has been given an id already."""
+"""Least probability of a return for a track that has an id already; chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What a return is judged by, beside the two people.
+    """Conditions of a return, beside the two tracks.
 
     Attributes:
         t_s: now.
         places: whether places in the picture are places in the world.
-        area_px2: of the picture if looks tell people apart, so that they may be back anywhere.
+        area_px2: of the picture if appearance is known, so that a return may be anywhere.
     """
 
     t_s: float
@@ -60,7 +61,7 @@ def return_log_odds(
     lost: Track,
     around: Circumstances,
 ) -> float:
-    """Log odds that `newcomer` is `lost` come back rather than somebody new."""
+    """Log odds that `newcomer` is the return of `lost` rather than a new person."""
     if newcomer.born_s < lost.seen_s:
         return -math.inf
     rate = _RETURN_RATE * math.exp(-(around.t_s - lost.seen_s) / _RETURN_TIME_S)
@@ -89,11 +90,11 @@ def claims(
     around: Circumstances,
     trust: float,
 ) -> list[tuple[Track, Track, float]]:
-    """Newcomers who are lost people: (newcomer, lost, probability), only where it is sure enough.
+    """Returns of lost people: (newcomer, lost, probability), where that is high enough.
 
     Args:
-        newcomers: tracks about to be confirmed, or confirmed lately. lost: people out of sight.
-        looks: (len(lost), len(newcomers)) log odds of looking the same, or 0.
+        newcomers: tracks about to be confirmed, or confirmed lately. lost: tracks out of sight.
+        looks: (len(lost), len(newcomers)) log odds of appearance, or 0.
         around: time, camera and picture.
         trust: least probability of a return that gives the old id back.
     """

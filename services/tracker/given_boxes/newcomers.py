@@ -1,4 +1,4 @@
-"""Who may be somebody new: boxes that nobody has got, and who of them is near enough to count."""
+"""New tracks: of boxes that are associated with no track, and those of people near enough."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from heel.services.tracker.given_boxes.track import Track
 from heel.services.tracker.given_boxes.tuning import Tuning
 
 _DUPLICATE_IOU = 0.5
-"""Overlap with a track that has a box above which no track is born: detectors draw some twice."""
+"""IoU with a track that has a box above which no track is born, as detectors may give two boxes of
+one person; chosen by hand."""
 
 
 def newborn(
     frame: FrameBoxes, free: Sequence[int], known: Sequence[Track], t_s: float,
     tuning: Tuning,
 ) -> list[Track]:  # fmt: skip
-    """A track for each box that nobody has got, surest first.
+    """A track for each box that is associated with none, highest score first.
 
     Args:
         frame: the boxes.
-        free: which of them nobody has got.
-        known: everybody so far; who has a box in this frame is not begun twice.
+        free: indices of the boxes that are associated with no track.
+        known: all tracks so far; none is born on a track that has a box in this frame.
         t_s: time of the frame.
         tuning: least score of a box that starts a track.
     """
@@ -45,7 +46,7 @@ def newborn(
 
 
 def near_enough(track: Track, everybody: Sequence[Track], least_px: float, tuning: Tuning) -> bool:
-    """Whether a newcomer is tall enough, or nobody else who is so is in sight."""
+    """Whether a new track is tall enough, or no other track that is so is in sight."""
     return track.height_px() >= least_px or not any(
         other.height_px() >= least_px and (other.confirmed or other.ready(tuning))
         for other in everybody

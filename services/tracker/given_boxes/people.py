@@ -22,12 +22,12 @@ class PeopleTracker:
         next_id: int = 1,
         settings: TrackerSettings | None = None,
     ) -> None:
-        """Start with nobody.
+        """Start without tracks.
 
         Args:
             image_size: (width, height) of the frames, pixels.
             next_id: the first id to give out.
-            settings: what is reported, and whether appearance is used; defaults if None.
+            settings: of reports and of the use of appearance; defaults if None.
         """
         self._tracker = BoxTracker(tuned(ROBOT, settings or TrackerSettings()), image_size, next_id)
         self._identify = settings is None or settings.identify
@@ -39,7 +39,7 @@ class PeopleTracker:
         return self._tracker.next_id
 
     def update(self, blobs: Blobs, dt_s: float) -> list[Track]:
-        """Take one frame; everybody who is confirmed and near, by id.
+        """Take one frame; all confirmed tracks that are not lost, by id.
 
         Args:
             blobs: of kind "people".

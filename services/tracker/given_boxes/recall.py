@@ -1,4 +1,4 @@
-"""People out of sight: who is remembered, for how long, and who is back."""
+"""Tracks out of sight: how long they are remembered, and their re-identification."""
 
 from __future__ import annotations
 
@@ -12,41 +12,42 @@ from heel.services.tracker.given_boxes.track import Track
 from heel.services.tracker.given_boxes.tuning import Tuning
 
 _LOOK_AGAIN_HITS = (8, 24)
-"""A newcomer who was not recognised at once is looked at again when there is more to look at."""
+"""Boxes after which a new track that was not re-identified at once is compared again, with a larger
+gallery; chosen by hand."""
 _MEMORY_S = 16.0
-"""Time without a box after which a person is forgotten, appearance unknown; chosen by hand."""
+"""Time without a box after which a track is forgotten [s], appearance unknown; chosen by hand."""
 _KNOWN_MEMORY_S = 120.0
-"""The same, where appearance tells who is back: a walk round the block."""
+"""The same [s], where appearance identifies a return: a walk round the block; chosen by hand."""
 _MOST_REMEMBERED = 64
-"""Bound of the people remembered."""
+"""Most tracks out of sight that are remembered; chosen by hand."""
 _EDGE = 0.6
 """Distance from the picture's edge that counts as at it [box widths]; chosen by hand."""
 
 
 class Recall:
-    """Keeps lost people and gives newcomers their old ids back."""
+    """Keeps lost tracks and finds new tracks that are their returns."""
 
     def __init__(
         self, tuning: Tuning, looks: LookModel, image_size: tuple[int, int] | None
     ) -> None:
-        """Start with nobody lost; without `image_size` nobody is known to have left."""
+        """Start without lost tracks; without `image_size` none is known to have left."""
         self.lost: list[Track] = []
         self._tuning = tuning
         self._looks = looks
         self._image_size = image_size
 
     def lose(self, track: Track, pictures: bool) -> None:
-        """Remember somebody who is not in sight any more.
+        """Remember a track that is out of sight.
 
-        Who went over the edge comes back in any place, where places say nothing: is forgotten
-        unless looks can tell.
+        A person that left over the edge comes back at any place, so that the track is forgotten
+        unless appearance can identify it.
         """
         track.left = self.at_edge(track)
         if pictures or not track.left:
             self.lost.append(track)
 
     def forget(self, t_s: float, pictures: bool) -> None:
-        """Drop who has been gone for too long, or are too many: the longest gone first."""
+        """Drop tracks out of sight for too long, and of too many those lost first."""
         memory_s = _KNOWN_MEMORY_S if pictures else _MEMORY_S
         remembered = [track for track in self.lost if t_s - track.seen_s <= memory_s]
         self.lost = remembered[-_MOST_REMEMBERED:]
@@ -54,14 +55,15 @@ class Recall:
     def recognised(
         self, tracks: list[Track], t_s: float, places: bool, pictures: bool
     ) -> list[tuple[Track, Track, float]]:
-        """Newcomers in this frame who are somebody known, with the probability.
+        """New tracks in this frame that are known people, with the probability.
 
         Args:
-            tracks: everybody near. places: whether the picture's places are those of the world.
-            t_s: now. pictures: whether looks are known.
+            tracks: confirmed or near. places: whether places in the picture are places in the
+                world.
+            t_s: now. pictures: whether descriptors are known.
 
         Returns:
-            (newcomer, whom they are, probability); both may be among `tracks`.
+            (new track, known track, probability); both may be among `tracks`.
         """
         newcomers = [t for t in tracks if t.seen_s == t_s and self._asks(t, pictures)]
         missing = list(self.lost) if places or pictures else []
@@ -85,7 +87,7 @@ class Recall:
         return None if self._image_size is None else float(np.prod(self._image_size))
 
     def at_edge(self, track: Track) -> bool:
-        """Whether the person is where people come and go."""
+        """Whether the box is at an edge of the picture, where people come and go."""
         return bool(self._near_edges(track).any())
 
     def at_side(self, track: Track) -> bool:
@@ -93,7 +95,7 @@ class Recall:
         return bool(self._near_edges(track)[::2].any())
 
     def _near_edges(self, track: Track) -> NDArray[np.bool_]:
-        """Which of left, top, right and lower edge, (4,), somebody is at."""
+        """At which of left, top, right and lower edge the box is, (4,)."""
         if self._image_size is None:
             return np.zeros(4, bool)
         box = track.box()

@@ -1,9 +1,9 @@
 """Scores of any detector brought to one scale, learned online from the boxes themselves.
 
-What a score means differs between detectors: the boxes of people who are followed for a while have
-a median score of 0.98 from Faster R-CNN, 0.76 from a detector trained elsewhere, 55 from ACF. So
+Scales of scores differ between detectors: boxes of people that are tracked for a while have a
+median score of 0.98 from Faster R-CNN, 0.76 from a detector trained elsewhere, 55 from ACF. So
 scores are divided by the running median of the scores of boxes that continue a track. Boxes that
-stand alone say little: they are mostly false alarms.
+continue none are left out: they are mostly false alarms.
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ import numpy as np
 
 from heel.services.tracker.given_boxes.geometry import FloatArray
 
-_REMEMBERED = 500  # boxes; some seconds of a crowd, a minute of one person
+_REMEMBERED = 500
+"""Scores of the median [boxes]: some seconds of a crowd, or less than a minute of one person;
+chosen by hand."""
 
 
 class RunningMedian:
-    """Median of the newest values: kept sorted, since finding it anew took a tenth of a frame."""
+    """Median of the newest values, which are kept sorted: to sort them in each frame is slower."""
 
     def __init__(self) -> None:
         """Start without values."""
@@ -27,7 +29,7 @@ class RunningMedian:
         self._sorted: list[float] = []
 
     def add(self, values: FloatArray) -> None:
-        """Take more values (N,); the oldest go once there are many."""
+        """Take more values (N,); of more than `_REMEMBERED` the oldest are dropped."""
         for value in values.tolist():
             self._newest.append(value)
             insort(self._sorted, value)
@@ -53,7 +55,7 @@ class ScoreScale:
     def normalised(self, scores: FloatArray) -> FloatArray:
         """Scores (N,) as shares in [0, 1] of a usual person's score so far, this frame included.
 
-        Until a box has continued a track, all boxes seen stand in.
+        Until a box has continued a track, the median is that of all boxes.
         """
         median = self._continued.value()
         if median is None:

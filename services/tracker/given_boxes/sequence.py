@@ -1,4 +1,4 @@
-"""A whole sequence of given boxes through the tracker, frame by frame, in time order."""
+"""A sequence of given boxes through the tracker, frame by frame, in time order."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Picture = Callable[[int], NDArray[np.uint8]]
 
 @dataclass(frozen=True)
 class GivenSequence:
-    """What a detector found in one sequence.
+    """A detector's boxes of one sequence.
 
     Attributes:
         frames: (N,) frame numbers from 1, in any order.
         boxes: (N, 4) float64 xyxy pixels.
         scores: (N,) float64, any scale; more is surer.
         fps: frames per second, > 0.
-        frame_count: frames to go through; more are gone through if there are boxes in them.
+        frame_count: least number of frames; the last box may be in a later one.
         image_size: (width, height) in pixels, where known.
     """
 
@@ -44,12 +44,12 @@ def track_sequence(
     tuning: Tuning = FILE,
     picture: Picture | None = None,
 ) -> Iterator[tuple[int, list[Report]]]:
-    """Yield each frame's number and the tracks a user is shown.
+    """Yield each frame's number and its shown tracks.
 
     Args:
         given: boxes, scores and clock.
-        tuning: how sure the tracker has to be of what.
-        picture: where to get pictures; without, the boxes are all there is.
+        tuning: thresholds of the tracker.
+        picture: source of pictures; without it appearance is not used.
 
     Raises:
         HeelError: a box or score is not finite, or a box has no area.

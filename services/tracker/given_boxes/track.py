@@ -1,4 +1,4 @@
-"""One person as the tracker knows them: motion, and evidence of being real and the same."""
+"""Track of one person: motion, and evidence of existence and identity."""
 
 from __future__ import annotations
 
@@ -13,29 +13,32 @@ from heel.services.tracker.given_boxes.tuning import Tuning
 from heel.services.tracker.report import Report
 
 _EPSILON_S = 1e-6
-"""Slack of comparisons of times, below any frame's."""
+"""Slack of comparisons of times [s], below any frame's."""
 _LEAST_CONFIDENCE = 0.52
-"""Confidence in a track whose motion says nothing of who it is; fitted, see `Track.report`."""
+"""Reported confidence where motion gives no evidence of identity; fitted, see `Track.report`."""
 _CONFIDENCE_RANGE = 0.40
-"""By how much that rises where motion leaves no doubt; fitted with it."""
+"""Rise of that confidence where motion leaves no doubt; fitted with it."""
 _FARTHEST_PX = 1e6
-"""Beyond all pictures."""
+"""Coordinate beyond all pictures."""
 _FASTEST = 1e9
 """Rate of any axis that no picture shows [1/s or px/s]."""
 _MOST_LOG = 14.0
 """Size of the logarithms of height and aspect beyond all pictures: e^14 is 1.2e6 px."""
 _LEAST_ODD = 0.05
-"""No single box is better evidence than 20 to 1: detectors err twice in a row."""
+"""Least likelihood ratio of a false alarm for one box, as a detector's errors repeat; chosen by
+hand."""
 _SCORE_MEMORY_S = 1.0
-"""Memory of the mean score; chosen by hand."""
+"""Time constant of the mean score [s]; chosen by hand."""
 _MOST_EXISTENCE = 0.99
-"""Bound of the probability of being a person, so that evidence against one still counts."""
+"""Most probability of being a person, so that evidence against it still counts; chosen by hand."""
 _CONFIRM_HITS = 3
-"""Boxes before a track is shown: a false alarm seldom comes three times at one place."""
+"""Boxes before a track is shown: a false alarm seldom comes three times at one place; chosen by
+hand."""
 _CONFIRM_EXISTENCE = 0.95
-"""Probability of being a person before a track is shown."""
+"""Probability of being a person from which a track is shown; chosen by hand."""
 _WALKER_SCORE = 0.6
-"""Mean score from which a track is shown that has walked before a camera that stands."""
+"""Mean score from which a track is shown that has walked before a standing camera [share of a usual
+person's]; chosen by hand."""
 
 
 @dataclass(eq=False)
@@ -47,36 +50,36 @@ class Track:
     mean_score: float
     born_s: float
     seen_s: float
-    alone_s: float  # last seen by a box of one's own
+    alone_s: float  # last seen by a box of its own
     track_id: int = 0  # 0 until confirmed
     existence: float = 0.5
     hits: int = 1
     confirmed: bool = False
-    confidence: float = 1.0  # that this is who got the id
+    confidence: float = 1.0  # that this is the person of the id
     confidence_before: float = 1.0  # the same before this frame's boxes
     runner_up: float = 0.0  # that this is the best other known person
-    walked: bool = False  # has moved as only people do
+    walked: bool = False  # has moved farther than the box of a thing
     gallery: Gallery = field(default_factory=Gallery)
-    vouched: Gallery | None = None  # the gallery of before a doubt that is not settled yet
+    vouched: Gallery | None = None  # gallery from before a doubt that is not settled
     birthplace: FloatArray = field(default_factory=lambda: np.zeros(2))  # px
     anchor: FloatArray = field(default_factory=lambda: np.zeros(AXES))  # where last seen
     anchor_speed: float = 0.0  # heights per second at that moment
-    anchor_spread_px: float = 0.0  # what carrying it along with a moving camera adds
+    anchor_spread_px: float = 0.0  # standard deviation by warps
     missed_frames: int = 0
-    in_front: tuple[Track, ...] = ()  # who hides the person, nearest to the camera first
-    proven: bool = True  # known to be a person and no thing
-    left: bool = False  # gone over the edge of the picture
+    in_front: tuple[Track, ...] = ()  # occluders, nearest first
+    proven: bool = True  # known to be a person, not a thing
+    left: bool = False  # over the edge of the picture
 
     @classmethod
     def born(cls, mean: FloatArray, covariance: FloatArray, score: float, t_s: float) -> Track:
-        """A newcomer, not yet confirmed."""
+        """A new track, not confirmed."""
         track = cls(mean, covariance, score, t_s, t_s, t_s)
         track.see(t_s)
         track.birthplace = track.anchor[:2]
         return track
 
     def become(self, old: Track, probability: float) -> None:
-        """Be somebody known, as sure as `probability` in [0, 1] that this is who it is."""
+        """Continue a known person's track, which this is with `probability` in [0, 1]."""
         self.track_id = old.track_id
         self.confidence = old.confidence * probability
         self.runner_up = min(old.runner_up, 1 - self.confidence)
@@ -85,12 +88,12 @@ class Track:
             self.gallery, self.vouched = old.gallery, old.vouched
 
     def walked_by(self) -> float:
-        """Distance from where the track was born, in heights."""
+        """Distance from the place of birth, in heights."""
         x, y, log_height, _ = self.anchor.tolist()
         return math.hypot(x - self.birthplace[0], y - self.birthplace[1]) / math.exp(log_height)
 
     def see(self, t_s: float) -> None:
-        """Note when and where the person was seen, after the filter was corrected."""
+        """Note time and place of a measurement, after the filter was corrected."""
         self.seen_s, self.missed_frames = t_s, 0
         self.anchor_spread_px = 0.0
         self.anchor = self.mean[:, 0].copy()
@@ -98,11 +101,11 @@ class Track:
         self.anchor_speed = math.hypot(speed_x, speed_y) / math.exp(self.mean[2, 0])
 
     def believe(self, score: float, shared: float, t_s: float) -> None:
-        """Take a box of one's own as evidence of being a person.
+        """Take a box of its own as evidence of being a person.
 
         Args:
             score: the detector's, in [0, 1], read as the probability that the box is a person.
-            shared: overlap in [0, 1] with a person known already: the chance of a second box of it.
+            shared: overlap in [0, 1] with a known person: the chance of a second box of that one.
             t_s: now.
         """
         elapsed_s = t_s - self.seen_s
@@ -118,7 +121,7 @@ class Track:
         self.see(t_s)
 
     def doubt(self, rivals: float, best: float, memory: float) -> None:
-        """Be less sure who this is, after a box that may be somebody else's.
+        """Lower the confidence in the identity, after a box that may be another track's.
 
         Args:
             rivals: probability in [0, 1] that the box is any other track's. best: the likeliest's.
@@ -128,7 +131,7 @@ class Track:
         self.confidence *= max(1 - rivals, 0.0) * memory
 
     def ready(self, tuning: Tuning) -> bool:
-        """Whether a newcomer is sure enough to be shown."""
+        """Whether the evidence for a new track is enough to confirm it."""
         return bool(
             not self.confirmed
             and self.hits >= _CONFIRM_HITS
@@ -137,9 +140,9 @@ class Track:
         )
 
     def is_somewhere(self) -> bool:
-        """Whether numbers can still tell where; False also for what is not finite.
+        """Whether the state is within the bounds of pictures; False also where it is not finite.
 
-        Small steps of a camera add up over people out of sight, and so do those of a forged one.
+        Warps add up for tracks out of sight, and those of a forged message can be large.
         """
         x, y, log_height, log_aspect = self.mean[:, 0].tolist()
         at_x, at_y = self.birthplace.tolist()
@@ -162,12 +165,12 @@ class Track:
     def report(
         self, t_s: float, tuning: Tuning, pictures: bool, at_side: bool, least_px: float
     ) -> Report:
-        """What is known of it in this frame.
+        """The track as reported in this frame.
 
         Args:
-            t_s: now. tuning: when a track is shown. pictures: whether looks are known.
+            t_s: now. tuning: when a track is shown. pictures: whether descriptors are known.
             at_side: whether it is at the picture's side: without a box there, it has left.
-            least_px: height below which nobody is shown.
+            least_px: height below which no track is shown.
         """
         unseen_s = t_s - self.seen_s
         least = _WALKER_SCORE if self.walked else tuning.hidden_score
@@ -175,9 +178,9 @@ class Track:
         shown = self.confirmed and unseen_s <= coast_s + _EPSILON_S
         confidence = self.confidence
         if not pictures:
-            # Fitted by least squares on 8 sequences; left-out sequences keep to it (see
+            # Fitted by least squares, and checked on sequences that were left out (see
             # docs/records/association.md). Marginals of neighbouring frames repeat one doubt,
-            # hence the root; where looks are known they settle it.
+            # hence the root; appearance, where it is known, settles it.
             confidence = _LEAST_CONFIDENCE + _CONFIDENCE_RANGE * math.sqrt(self.confidence)
         left, top, right, bottom = self.box().tolist()
         speed_x, speed_y = self.mean[:2, 1].tolist()

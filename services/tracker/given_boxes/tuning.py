@@ -1,6 +1,6 @@
-"""The numbers in which a robot and a file of boxes differ, and those that a user can set.
+"""Thresholds that differ between a robot and a file of boxes, and those that a user can set.
 
-All other numbers of the box tracker are constants beside the code that uses them.
+All other numbers of the box tracker are constants of the modules that use them.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from heel.services.tracker.settings import TrackerSettings
 
 @dataclass(frozen=True)
 class Tuning:
-    """How sure the box tracker has to be of what.
+    """Thresholds of the box tracker.
 
     Attributes:
         birth_score: least score of a box that starts a track, share of a usual person's.
@@ -20,7 +20,7 @@ class Tuning:
         hidden_score: mean score below which a shown track is hidden again, likewise.
         near_height: height below which a new track is not shown while a nearer person is in sight,
             picture heights.
-        min_height: height below which nobody is shown, picture heights.
+        min_height: height below which no track is shown, picture heights.
         show_missed_s: time without a box for which a track is still shown.
         forget_s: time without a box for which a track takes boxes, appearance unknown.
         forget_known_s: the same, where appearance guards against a wrong box.
@@ -28,8 +28,8 @@ class Tuning:
         rivals: probability that the box of a track that was out of sight is another's, above which
             it gets a fresh id; where appearance is known that decides instead.
         most_against_present: most log odds that colours take from a track that was seen a moment
-            ago and that nobody covers.
-        reassure: how much colours settle a doubt, share of their log odds per second.
+            ago and that no other covers.
+        reassure: weight of colours in settling a doubt, share of their log odds per second.
     """
 
     birth_score: float
@@ -76,12 +76,12 @@ ROBOT = Tuning(
     most_against_present=3.0,
     reassure=1.0,
 )
-"""For a robot, which would rather see a doubtful person than lose one for a frame; and whose light
-changes at once when it turns, which people do not; chosen by hand."""
+"""For a robot, for which a doubtful person is better than one lost for a frame, and whose turns
+change the light, but not people, at once; chosen by hand."""
 
 
 def tuned(usual: Tuning, settings: TrackerSettings) -> Tuning:
-    """The usual numbers, but for what a user has set.
+    """The usual thresholds, replaced by those that a user has set.
 
     Raises:
         SettingsError: a setting has no meaning for people's boxes.
