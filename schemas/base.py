@@ -1,4 +1,4 @@
-"""What every message has in common: immutability, finiteness, a version and a size cap."""
+"""Base of all messages: immutability, finiteness, a version and a size cap."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 from pydantic import BaseModel, ConfigDict, Field
 
 MAX_DIMENSION_PX = 16384
-"""Largest frame side accepted anywhere; 8K is 7680."""
+"""Largest side of a frame [px]; 8K is 7680."""
 
 Name = Annotated[str, Field(strict=True, pattern=r"^[a-z0-9_-]{1,64}$")]
 """One chunk of a key expression."""
@@ -15,7 +15,7 @@ Name = Annotated[str, Field(strict=True, pattern=r"^[a-z0-9_-]{1,64}$")]
 Count = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 TimeNs = Annotated[int, Field(strict=True, ge=0, lt=2**63, description="nanoseconds")]
 MAX_AGE_NS = 10**15
-"""Largest age that is passed on, 11.6 days: sums of ages can neither overflow nor be refused."""
+"""Largest age that is passed on [ns], 11.6 days: sums of ages neither overflow nor are refused."""
 AgeNs = Annotated[int, Field(strict=True, ge=0, le=MAX_AGE_NS, description="nanoseconds")]
 Real = Annotated[float, Field(strict=True, ge=-1e9, le=1e9)]
 NonNegative = Annotated[float, Field(strict=True, ge=0.0, le=1e12)]

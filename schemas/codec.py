@@ -66,7 +66,7 @@ def decode(kind: type[MessageT], payload: bytes, encoding: str | None = None) ->
         return kind.model_validate(unpacked)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
-        # A location can hold the sender's own words: the keys of a map.
+        # A location can hold text of the sender: the keys of a map.
         where = ascii(".".join(str(part) for part in first["loc"]))[1:-1][:80] or "message"
         raise MessageError(
             f"{kind.schema_name}: {where}: {first['msg']}: see `heel schema {kind.schema_name}`"
@@ -74,7 +74,7 @@ def decode(kind: type[MessageT], payload: bytes, encoding: str | None = None) ->
 
 
 def _shown(version: object) -> str:
-    # Anything may stand here: the repr of a deep nest would end in RecursionError.
+    # The value is of any type: the repr of a deep nest would raise RecursionError.
     return str(version) if isinstance(version, int) else f"of type {type(version).__name__}"
 
 

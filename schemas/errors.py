@@ -1,6 +1,6 @@
 """The one exception family of Heel.
 
-    HeelError                  anything a user can be told about in one line
+    HeelError                  any error that one line explains to the user
     ├── MessageError           bytes on the wire that are not the message they claim to be
     ├── KeyNameError           a name that may not stand in a key expression
     ├── SettingsError          a setting that is unknown, mistyped or out of range
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 
 class HeelError(Exception):
-    """Something that a user can be told in one line, with its remedy."""
+    """An error that one line explains to the user, with its remedy."""
 
 
 class MessageError(HeelError):

@@ -25,7 +25,7 @@ FollowStateName = Literal[
     "idle", "acquiring", "following", "occluded", "unsure", "searching", "lost", "stopped"
 ]
 TargetMode = Literal["id", "point", "nearest", "imprint", "none"]
-"""`imprint`: the person who stands before the robot for a while."""
+"""`imprint`: the person that stands before the robot for a while."""
 
 
 class MotionCommand(Message):

@@ -1,4 +1,4 @@
-"""What a service says of itself several times a second."""
+"""Health of a service, which it sends several times a second."""
 
 from __future__ import annotations
 

@@ -12,17 +12,18 @@ from heel.schemas.frame import Header
 RAW = "image/raw;bgr8"
 JPEG = "image/jpeg"
 MAX_IMAGE_BYTES = 8 << 20
-"""Largest image payload: 1080p raw is 6.2 MB; larger frames are scaled down by capture."""
+"""Largest image payload [bytes]: 1080p raw is 6.2 MB; larger frames are scaled down by capture."""
 MAX_IMAGE_PIXELS = 7680 * 4320
-"""Largest image that is decoded: 8K, 100 MB."""
+"""Largest image that is decoded [pixels]: 8K, 100 MB."""
 
 _SOF_MARKERS = frozenset({0xC0, 0xC1, 0xC2})
-"""Baseline, extended sequential, progressive."""
+"""Markers of a start of frame: baseline, extended sequential, progressive."""
 _START_OF_SCAN = b"\xff\xda"
 _MAX_SCANS = 16
-"""A scan costs work on the whole image but only 10 bytes of payload; encoders write 1 to 10."""
-# What may stand before the frame: DHT, DQT, DRI, APPn, COM. All carry their length, so that this
-# reader and libjpeg cannot come to see different frames in one payload.
+"""Most scans of a JPEG: each costs work on the whole image but only 10 bytes of payload; encoders
+write 1 to 10."""
+# Segments that may stand before the frame: DHT, DQT, DRI, APPn, COM. All have their length in them,
+# so that this reader and libjpeg cannot find different frames in one payload.
 _SEGMENTS = frozenset({0xC4, 0xDB, 0xDD, 0xFE, *range(0xE0, 0xF0)})
 _END_OF_IMAGE = b"\xff\xd9"
 _FLAGS = cv2.IMREAD_COLOR_BGR | cv2.IMREAD_IGNORE_ORIENTATION
@@ -84,11 +85,11 @@ def _decode_jpeg(payload: bytes, width: int, height: int) -> NDArray[np.uint8]:
 
 
 def check_jpeg(payload: bytes, width: int, height: int) -> None:
-    """Refuse a JPEG before it costs anything: by size, by scans, by its end.
+    """Refuse a JPEG before it is decoded: by its size, number of scans and end.
 
     Raises:
-        MessageError: it is not of `width` by `height` pixels, or decoding it would cost more than
-            a picture is worth.
+        MessageError: it is not of `width` by `height` pixels, is cut off, or takes too much work
+            to decode.
     """
     if len(payload) > MAX_IMAGE_BYTES:
         raise MessageError(f"image: {len(payload)} bytes exceed the cap of {MAX_IMAGE_BYTES}")
@@ -100,7 +101,7 @@ def check_jpeg(payload: bytes, width: int, height: int) -> None:
     if size != (width, height):
         found = "no JPEG" if size is None else f"a JPEG of {size[0]}x{size[1]}"
         raise MessageError(f"image: {found}, but the header says {width}x{height}")
-    # Cameras may pad with zeros; libjpeg would fill what is missing with grey and a word on stderr.
+    # Cameras may pad with zeros; libjpeg fills a missing rest with grey and warns on stderr.
     if not payload[-256:].rstrip(b"\0").endswith(_END_OF_IMAGE):
         raise MessageError(f"image: the JPEG of {len(payload)} bytes is cut off: resend it")
     if payload.count(_START_OF_SCAN) > _MAX_SCANS:

@@ -1,4 +1,4 @@
-"""What the robot's own end says: where it is, what is around it, what its wheels are told."""
+"""Messages of the robot itself: odometry, ranges, and the velocities that its wheels get."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Odometry(Message):
 
 
 def _is_range(distance_m: float) -> float:
-    # Not `ge` and `le`: infinity and NaN mean something in a range, by REP 117 of ROS.
+    # Not `ge` and `le`: infinity and NaN have meanings in a range, by REP 117 of ROS.
     if math.isfinite(distance_m) and not 0.0 <= distance_m <= MAX_RANGE_M:
         raise ValueError(f"Input should be 0 to {MAX_RANGE_M:g} metres, inf, -inf or nan")
     return distance_m

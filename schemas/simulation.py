@@ -1,4 +1,4 @@
-"""The simulated world as it really is: for files, viewers and scores, never for the stack."""
+"""Ground truth of the simulated world: for files, viewers and scores, never for the services."""
 
 from __future__ import annotations
 
