@@ -1,4 +1,4 @@
-"""Finding the robot, or the run on this machine, that a command is meant for."""
+"""The robot, or the run on this machine, that a command is meant for, and a session with it."""
 
 from __future__ import annotations
 
@@ -120,14 +120,14 @@ def session_with(where: Where) -> Iterator[zenoh.Session]:
     """A session with the robot's router.
 
     Raises:
-        HeelError: it cannot be reached, and what could be meant instead.
+        HeelError: it cannot be reached.
     """
     import logging
 
     from heel.services.runtime.session import open_session, start_zenoh_log
 
     start_zenoh_log()
-    # What commands say and hear is small, and a stop must get through when /dev/shm is full.
+    # Messages of commands are small, and a stop must get through when /dev/shm is full.
     settings = where.zenoh.model_copy(update={"shared_memory": False})
     session = open_session(settings, logging.getLogger("heel"), _pause)
     assert session is not None

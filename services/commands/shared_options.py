@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 PARENT_EXIT_S = 12.0
-"""Longest orderly end of a run: children get 2.5 s to end and 2 s to be killed."""
+"""Longest orderly end of a run [s], in which its children are ended and their last messages taken;
+chosen by hand."""
 
 Detector = Annotated[
     str | None,

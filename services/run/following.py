@@ -1,4 +1,4 @@
-"""How well the robot of a simulated world followed, summed up while it goes on."""
+"""Figures of following in a simulated world, summed up while it runs."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class FollowingFigures:
 
 
 class FollowingTally:
-    """Adds up what happens, frame by frame; a `Recorder`. Runs may last for days: none is kept."""
+    """Sums up figures frame by frame; a `Recorder`. Runs may last for days: no frame is kept."""
 
     def __init__(self) -> None:
         self.figures = FollowingFigures()

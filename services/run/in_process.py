@@ -1,4 +1,4 @@
-"""The same run in one process: what the separate processes are compared with."""
+"""The same run in one process, as the reference for the separate processes."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from heel.services.loops.judge import people_by_track
 from heel.services.loops.user import Choose, User, View
 
 _KEPT_TRUTHS = 128
-"""Frames that tracks may be late by: 4 s at 30 frames/s."""
+"""Frames that tracks may be late by: 4 s at 30 frames/s; chosen by hand."""
 
 
 class Recorder(Protocol):

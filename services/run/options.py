@@ -1,4 +1,4 @@
-"""What `heel run` was asked to do."""
+"""Options of `heel run`."""
 
 from __future__ import annotations
 

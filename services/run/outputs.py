@@ -15,8 +15,8 @@ from heel.services.runtime.row_file import RowFile
 _COMMAND_COLUMNS = ("seq", "frame", "linear_mps", "angular_radps", "state", "reason")
 _TRACKS, _COMMANDS, _SUMMARY, _FILM = "tracks.txt", "commands.csv", "summary.json", "annotated.mp4"
 _SUMMARY_BYTES = 64 * 1024
-"""Kept free for the summary from the start: on a full disk it says why the run ended. It has 5 to
-20 kB."""
+"""Bytes that are reserved for the summary from the start, so that it states the end of the run also
+on a full disk. It has 5 to 20 kB."""
 
 
 def track_rows(tracks: Tracks) -> list[str]:
@@ -124,7 +124,7 @@ def _reserve(path: Path, size: int) -> None:
 
 
 def _fill(path: Path, content: bytes) -> None:
-    """Overwrite a reserved file: as long as the content fits, no further room is needed."""
+    """Overwrite a reserved file: content that fits needs no further room on the disk."""
     with path.open("r+b") as file:
         file.write(content)
         file.truncate(len(content))

@@ -1,4 +1,4 @@
-"""An episode through the real processes, in real time: what the closed loop must agree with."""
+"""An episode through the real processes, in real time, as the reference for the closed loop."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def run_in_processes(
     `heel.services.run.guard.guarded` has made.
 
     Args:
-        settings: what the processes read from the same `config`.
+        settings: as the processes read them from the same `config`.
         config: settings file of the services.
         stop: gives the episode up when set.
         task: which episode; no film is made of it.
 
     Raises:
-        HeelError: a service failed, the simulator fell silent, or it was given up.
+        HeelError: a service failed, the simulator fell silent, or the episode was given up.
     """
     return play_and_judge(partial(_play, config, stop), settings, task)
 
