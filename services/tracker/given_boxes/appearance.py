@@ -20,11 +20,13 @@ Patch = NDArray[np.uint8]
 """(H, W, 3) uint8 BGR pixels under a box."""
 
 _WIDTH = 12
-"""Columns [px] to which every patch is brought; twice the size takes four times as long."""
+"""Columns [px] to which every patch is brought; twice the size takes four times as long.
+Chosen by hand."""
 _HEIGHT = 24
 """Rows [px] to which every patch is brought, twice `_WIDTH`, as a standing person; chosen by
 hand."""
-_BANDS = ((1, 4), (4, 8), (8, 13), (13, 18), (18, 23))  # rows: head, chest, hips, thighs, shins
+_BANDS = ((1, 4), (4, 8), (8, 13), (13, 18), (18, 23))
+"""Rows of head, chest, hips, thighs and shins, each from one to before another; chosen by hand."""
 _LIGHTS = 8
 """Bins of lightness, each of 32 of its 256 levels; chosen by hand."""
 _HUES = 8

@@ -21,7 +21,7 @@ from heel.services.tracker.given_boxes.kalman import (
 )
 
 REFUSED = -1e6
-"""Log odds of a pair that is not allowed; below any sum of allowed ones."""
+"""Log odds of a pair that is not allowed: far below those of any other."""
 _TAIL = 7.0
 """Degrees of freedom of the Student t likelihood of a box; chosen by hand."""
 GATE = 5.5

@@ -28,7 +28,7 @@ _MOST_PRIOR = 4.0
 _MOST_OPEN = 64
 """Most undecided contacts: of more the oldest are left undecided. Chosen by hand."""
 _DECIDE = 3.0
-"""Log odds that decide a contact: 20 to 1."""
+"""Log odds that decide a contact: 20 to 1; chosen by hand."""
 _SETTLE_S = 2.0
 """Time in clear view after which a contact that colours cannot decide is closed [s]; chosen by
 hand."""

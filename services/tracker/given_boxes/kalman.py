@@ -18,8 +18,8 @@ from heel.services.tracker.given_boxes.geometry import AXES, FloatArray
 ASPECT = 3
 """Index of the axis without a rate."""
 
-# Motion of people and scatter of detectors' boxes about them; lengths in person heights. All are
-# fitted by hand to the boxes of public detectors (see docs on association).
+# Motion of people and scatter of detectors' boxes about them; lengths in person heights.
+# Fitted by hand to the boxes of public detectors (see docs on association).
 NOISE_X = 0.035
 """Standard deviation of a box's centre x [heights]."""
 NOISE_Y = 0.043
