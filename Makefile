@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PIP := $(BIN)/python $(INSTALL)
+TIMELESS := $(patsubst %,tests/integration/test_%.py,documented_commands own_detector packages python_api)
 PEERS := .venv-peers
 PEERS_PIP := $(PEERS)/bin/python $(INSTALL)
 
@@ -31,10 +32,11 @@ demo: $(READY)  ## a robot follows somebody through a simulated world, with the 
 	$(BIN)/heel demo
 
 test: $(READY)  ## unit and integration tests
-	@# Unit tests share nothing and run side by side; those of real processes need the cores to
-	@# themselves.
-	$(BIN)/python -m pytest tests/unit -m 'not docker and not slow' --numprocesses 2 --dist loadfile
-	$(BIN)/python -m pytest tests/integration -m 'not docker and not slow'
+	@# Unit tests share nothing and run side by side, as do those of processes in which no time
+	@# counts; the others need the cores to themselves.
+	$(BIN)/python -m pytest tests/unit $(TIMELESS) -m 'not docker and not slow' -n 2 --dist loadfile
+	$(BIN)/python -m pytest tests/integration $(addprefix --ignore=,$(TIMELESS)) \
+		-m 'not docker and not slow'
 
 test-docker: $(READY)  ## the same services in containers
 	$(BIN)/python -m pytest -m docker

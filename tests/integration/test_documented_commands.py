@@ -147,6 +147,10 @@ NOT_RUN = {
     "make mutants": "hours",
     "python -m benchmarks.mutants --sample 40": "an hour; tests/unit/benchmarks tests its parts",
     "python -m benchmarks.mutants --only pointed/": "an hour; as above",
+    "python -m benchmarks.mutants --rooms detector --only pointed/fitting "
+    "--tests tests/unit/detector/test_pointed_parts.py": "minutes; as above",
+    "python -m benchmarks.mutants --rooms follower --only follower/swing "
+    "--tests tests/unit/follower/test_learning_and_searching.py": "minutes; as above",
     "python -m benchmarks.pictures docs": "overwrites the README's picture; needs Chromium",
 }  # fmt: skip
 """Nothing runs these; `tests/unit/house/test_documents.py` checks that words and flags exist."""

@@ -9,11 +9,8 @@ from typing import Any
 
 import pytest
 
-EPISODES = [
-    pytest.param("straight", 0, id="straight"),
-    pytest.param("doorway", 0, id="doorway", marks=pytest.mark.slow),
-    pytest.param("distractor-2", 0, id="distractors", marks=pytest.mark.slow),
-]
+pytestmark = pytest.mark.slow
+EPISODES = [("straight", 0), ("doorway", 0), ("distractor-2", 0)]
 
 
 def scenarios(name: str, seed: int, *flags: str) -> Any:
