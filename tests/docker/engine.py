@@ -25,7 +25,11 @@ def missing_engine() -> str | None:
         return None
     if not (ENGINE_SCRIPT.is_file() and os.geteuid() == 0):
         return "no Docker engine answers"
-    done = subprocess.run([str(ENGINE_SCRIPT), "up"], capture_output=True, text=True, timeout=240)
+    # It outlives these tests, and so must not keep its files in their folder.
+    kept = {name: value for name, value in os.environ.items() if name != "XDG_RUNTIME_DIR"}
+    done = subprocess.run(
+        [str(ENGINE_SCRIPT), "up"], capture_output=True, text=True, timeout=240, env=kept
+    )
     return None if _answers() else f"no Docker engine, and none could be started: {done.stderr}"
 
 
