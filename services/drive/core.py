@@ -37,7 +37,6 @@ class Drive:
     def __init__(self, settings: DriveSettings, gate: ProducerGate | None = None) -> None:
         self.settings = settings
         self._gate = gate or ProducerGate()
-        self._producer: str | None = None
         self._numbers = SequenceWatch()
         self.refusal = ""
         """Why the last command was not new; "" if it was, or another producer's."""
@@ -59,13 +58,12 @@ class Drive:
             now_s: monotonic time of its arrival.
         """
         self.refusal = ""
-        if not self._gate.accepts(producer, now_s):
+        new = not self._numbers.was_there(producer, command.seq)
+        if not self._gate.accepts(producer, now_s, new):
             return False
         if self._has_hung(now_s) or now_s < self._deaf_until_s:
             return False
-        if producer != self._producer:
-            self._producer, self._numbers = producer, SequenceWatch()
-        if not self._numbers.fresh(producer, command.seq, now_s):
+        if not self._numbers.fresh(producer, command.seq, now_s, replaced=True):
             self.refusal = f"{producer}: {self._numbers.refusal}"
             return False
         if not self._estop:

@@ -93,14 +93,22 @@ class SequenceWatch:
         if name == line.name and line.leads_to(seq, now_s):
             self._go_on(line, seq, now_s)
             return True
-        if self._go_back(line, name, seq, now_s):
+        if self._go_back(line, name, seq, now_s, replaced):
             return True
-        if self._is_old(line, name, seq):
+        if self.was_there(name, seq):
+            self.refusal = f"seq {seq} was there before, or comes too late"
             return False
         if name != line.name and (replaced or not self._live):
             self._leave(_Line(name, seq, now_s))
             return True
         return self._consider(line, _Line(name, seq, now_s))
+
+    def was_there(self, name: Name, seq: int) -> bool:
+        """Whether a message is known to be an old one; takes no note of it."""
+        lines = [place.seq for place in self._former if place.name == name]
+        if self._line is not None and name == self._line.name and self._line.proven:
+            lines.append(self._line.seq)
+        return bool(lines) and seq <= min(lines)
 
     def _go_on(self, line: _Line, seq: int, now_s: float) -> None:
         gap = seq - line.seq - 1
@@ -110,7 +118,7 @@ class SequenceWatch:
         self._line = _Line(line.name, seq, now_s, proven=True)
         self._candidates.clear()
 
-    def _go_back(self, line: _Line, name: Name, seq: int, now_s: float) -> bool:
+    def _go_back(self, line: _Line, name: Name, seq: int, now_s: float, replaced: bool) -> bool:
         """Return to where the count was before it leapt away, if the message belongs there."""
         before = self._before
         if before is not None and name == before.name and before.leads_to(seq, now_s):
@@ -120,7 +128,7 @@ class SequenceWatch:
             self._go_on(before, seq, now_s)
             self._before = None
             return True
-        if line.proven and now_s - line.heard_s <= RESUME_S:
+        if line.proven and now_s - line.heard_s <= RESUME_S and not replaced:
             return False
         place = next((p for p in self._former if p.name == name and p.leads_to(seq, now_s)), None)
         if place is None:
@@ -128,15 +136,6 @@ class SequenceWatch:
         self._former.remove(place)
         self._leave(_Line(name, seq, now_s, proven=True))
         return True
-
-    def _is_old(self, line: _Line, name: Name, seq: int) -> bool:
-        lines = [place.seq for place in self._former if place.name == name]
-        if name == line.name and line.proven:
-            lines.append(line.seq)
-        if lines and seq <= min(lines):
-            self.refusal = f"seq {seq} was there before, or comes too late"
-            return True
-        return False
 
     def _consider(self, line: _Line, new: _Line) -> bool:
         candidate = self._candidates.pop(new.name, None)

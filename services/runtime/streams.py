@@ -49,19 +49,26 @@ class ProducerGate:
     """Stays with one producer until it is stale or gone, so that a swap is one clean cut.
 
     A producer that was only held up gets its stream back: otherwise one moment of a busy machine
-    hands the stream for good to any sender beside it.
+    hands the stream for good to any sender beside it. It does so with a message that is new:
+    a recording of it does not keep out the one that stood in.
     """
 
     def __init__(self) -> None:
         self.current: str | None = None
         self._last_s = 0.0
         self._former: tuple[str, float] | None = None
-        """The producer before this one, and when it was left."""
+        """The producer that may get the stream back, and when it was left."""
         self._rivals: dict[str, float] = {}
 
-    def accepts(self, producer: str, now_s: float) -> bool:
-        """Whether a message of this producer is to be used."""
-        if self.would_accept(producer, now_s):
+    def accepts(self, producer: str, now_s: float, new: bool = True) -> bool:
+        """Whether a message of this producer is to be used.
+
+        Args:
+            producer: its sender.
+            now_s: monotonic time of its arrival.
+            new: whether it was not there before: no old one gets its producer the stream back.
+        """
+        if self.would_accept(producer, now_s, new):
             if producer != self.current:
                 self._replace(producer, now_s)
             self._last_s = now_s
@@ -71,19 +78,21 @@ class ProducerGate:
             self._rivals[producer] = now_s
         return False
 
-    def would_accept(self, producer: str, now_s: float) -> bool:
+    def would_accept(self, producer: str, now_s: float, new: bool) -> bool:
         """The same without taking note of it."""
         stale = now_s - self._last_s > PRODUCER_STALE_S
-        return self.current in (None, producer) or stale or self._returns(producer, now_s)
+        return self.current in (None, producer) or stale or (new and producer == self._elder(now_s))
 
-    def _returns(self, producer: str, now_s: float) -> bool:
+    def _elder(self, now_s: float) -> str | None:
+        """The producer that may only be held up."""
         if self._former is None:
-            return False
+            return None
         name, left_s = self._former
-        return producer == name and now_s - left_s < FORMER_S
+        return name if now_s - left_s < FORMER_S else None
 
     def _replace(self, producer: str, now_s: float) -> None:
-        if self._returns(producer, now_s):
+        elder = self._elder(now_s)
+        if producer == elder:
             # It stays the elder: a stand-in does not get the stream back from it.
             self._former = None
         elif self.current is not None:
@@ -220,7 +229,7 @@ class StreamJudge:
             message = decode(kind, arrival.payload, arrival.encoding)
         except MessageError as error:
             self.refuse(arrival, error)
-            if producer is None or self.gate.would_accept(producer, arrival.arrived_s):
+            if producer is None or self.gate.would_accept(producer, arrival.arrived_s, False):
                 self.unreadable = str(error)
             return None
         line = _line_of(message, stamp.producer) if judged else None
@@ -252,7 +261,8 @@ class StreamJudge:
 
     def _current(self, producer: str, line: Name, seq: int, arrival: Arrival) -> bool:
         before = self.gate.current
-        accepted = self.gate.accepts(producer, arrival.arrived_s)
+        new = not self.watch.was_there(line, seq)
+        accepted = self.gate.accepts(producer, arrival.arrived_s, new)
         self.report_rivals(arrival)
         if not accepted:
             return False

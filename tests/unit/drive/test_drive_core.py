@@ -188,6 +188,17 @@ def test_one_producer_is_obeyed_in_its_order(
     assert (state.command_seq == seq) == (taken or seq == 49)
 
 
+def test_a_recording_of_a_dead_follower_neither_drives_nor_stops_the_next_one() -> None:
+    drive = Drive(DriveSettings())
+    last_s = driving(drive, 0.9)
+    for tick in range(1, 150):
+        now_s = last_s + 0.1 * tick
+        drive.step(now_s)
+        assert drive.take(command(0.1, seq=tick), OTHER, now_s) == (tick > 5)
+        if tick > 5:
+            assert not drive.take(command(0.9, seq=tick % 50), FOLLOWER, now_s + 0.05)
+
+
 def test_a_refused_command_does_not_prolong_the_last_one() -> None:
     drive = Drive(DriveSettings())
     last_s = driving(drive)

@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from heel.schemas import DriveState, MotionCommand, decode, encode
 from heel.services.drive.core import Drive
 from heel.services.drive.settings import DriveSettings
-from heel.services.runtime.streams import FORMER_S, PRODUCER_STALE_S
+from heel.services.runtime.streams import ProducerGate
 
 _ROUNDING = 1e-9
 _PRODUCERS = ("follower/main@00000001", "follower/main@00000002")
@@ -38,14 +38,13 @@ class AnyOrder(RuleBasedStateMachine):
         self.drive = Drive(chosen)
         self.now_s = 100.0
         self.estop = False
-        self.owner: str | None = None
-        """Who is listened to, also while the drive takes nothing."""
-        self.former: tuple[str | None, float] = None, -math.inf
-        """Who was listened to before, and until when."""
+        self.gate = ProducerGate()
+        """Says who is listened to, also while the drive takes nothing."""
         self.producer: str | None = None
         """Whose numbers count."""
-        self.heard_s = -math.inf
         self.seqs = dict.fromkeys(_PRODUCERS, -1)
+        self.proven: dict[str, int] = {}
+        """Up to where commands of those who sent more than one are never obeyed again."""
         self.ends_s = -math.inf
         """Until when the newest command may move anything."""
         self.stepped_s: float | None = None
@@ -67,24 +66,18 @@ class AnyOrder(RuleBasedStateMachine):
             reason="target in sight",
         )  # fmt: skip
         taken = self.drive.take(made, producer, self.now_s)
-        former, left_s = self.former
-        returns = producer == former and self.now_s - left_s < FORMER_S
-        silent = self.now_s - self.heard_s > PRODUCER_STALE_S
-        if not (self.owner in (None, producer) or silent or returns):
+        new = seq > self.proven.get(producer, -1)
+        if not self.gate.accepts(producer, self.now_s, new):
             assert not taken, "two producers at once"
             return
-        if returns:
-            self.former = None, -math.inf
-        elif self.owner not in (None, producer):
-            self.former = self.owner, self.now_s
-        self.owner, self.heard_s = producer, self.now_s
         if self._has_hung() or self.now_s < self.deaf_until_s:
             assert not taken, "what waited while the drive hung"
             return
-        assert taken == (producer != self.producer or seq > self.seqs[producer])
-        self.producer = producer
+        assert taken == (new and (producer != self.producer or seq > self.seqs[producer]))
         if taken:
-            self.seqs[producer] = seq
+            if producer == self.producer or producer in self.proven:
+                self.proven[producer] = seq
+            self.producer, self.seqs[producer] = producer, seq
             if not self.estop:
                 self.ends_s = self.now_s + min(self.settings.ttl_s, ttl_s)
 

@@ -127,6 +127,16 @@ def test_a_producer_that_comes_back_goes_on_from_where_it_was() -> None:
     assert watch.fresh("a", 40, 2.1, replaced=True)
 
 
+def test_a_producer_that_came_back_and_went_again_repeats_nothing_of_either_time() -> None:
+    watch = SequenceWatch()
+    for now_s, name, seqs in ((0.0, "a", (0, 1)), (1.0, "b", (0, 1)), (1.2, "a", (20, 40)),
+                              (3.0, "b", (9, 10))):  # fmt: skip
+        for step, seq in enumerate(seqs):
+            assert watch.fresh(name, seq, now_s + 0.1 * step, replaced=step == 0)
+    assert not watch.fresh("a", 30, 3.2, replaced=True)
+    assert watch.line == "b"
+
+
 def test_refusals_say_why() -> None:
     watch, now_s = running()
     watch.fresh(1, _LAST, now_s)

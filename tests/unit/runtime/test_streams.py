@@ -82,6 +82,20 @@ def test_a_producer_that_was_replaced_long_ago_does_not_come_back() -> None:
     assert not gate.accepts("a", 12.5)
 
 
+@pytest.mark.parametrize("epoch", [1, 2], ids=["the same camera", "another camera"])
+def test_a_recording_of_a_dead_producer_does_not_silence_the_stand_in(
+    judge: StreamJudge, epoch: int
+) -> None:
+    for seq in range(10):
+        assert judge.message(arrival_of(tracks(seq), 10.0 + 0.1 * seq), Tracks)
+    for step in range(100):
+        now_s = 12.0 + 0.1 * step
+        stand_in = arrival_of(tracks(20 + step, epoch), now_s, producer=_RIVAL)
+        assert judge.message(stand_in, Tracks)
+        assert not judge.message(arrival_of(tracks(step % 10), now_s + 0.05), Tracks)
+    assert judge.gate.current == _RIVAL
+
+
 def test_rivals_are_named_while_they_are_heard() -> None:
     gate = ProducerGate()
     gate.accepts("a", 0.0)
