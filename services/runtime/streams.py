@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -33,6 +35,9 @@ PRODUCER_STALE_S = 0.5
 FORMER_S = 10.0
 """A producer that was silent and is heard again so soon is listened to again: it was held up, not
 replaced. Chosen by hand; stalls of 0.5 to 8 s were seen on busy machines."""
+_MOST_RETURNS = 3
+"""Times within `FORMER_S` that a producer gets its stream back: each may cost the one that stood in
+`PRODUCER_STALE_S`. Chosen by hand."""
 _RIVAL_S = 2.0
 """Seconds that a second sender is remembered and told of; chosen by hand."""
 _REFUSED_S = 0.5
@@ -49,8 +54,9 @@ class ProducerGate:
     """Stays with one producer until it is stale or gone, so that a swap is one clean cut.
 
     A producer that was only held up gets its stream back: otherwise one moment of a busy machine
-    hands the stream for good to any sender beside it. It does so with a message that is new:
-    a recording of it does not keep out the one that stood in.
+    hands the stream for good to any sender beside it. It does so with a message that is new, and a
+    few times in a while: neither a recording of it nor a last gasp now and then keeps out the one
+    that stood in.
     """
 
     def __init__(self) -> None:
@@ -58,6 +64,7 @@ class ProducerGate:
         self._last_s = 0.0
         self._former: tuple[str, float] | None = None
         """The producer that may get the stream back, and when it was left."""
+        self._returned_s: deque[float] = deque([-math.inf] * _MOST_RETURNS, maxlen=_MOST_RETURNS)
         self._rivals: dict[str, float] = {}
 
     def accepts(self, producer: str, now_s: float, new: bool = True) -> bool:
@@ -81,7 +88,12 @@ class ProducerGate:
     def would_accept(self, producer: str, now_s: float, new: bool) -> bool:
         """The same without taking note of it."""
         stale = now_s - self._last_s > PRODUCER_STALE_S
-        return self.current in (None, producer) or stale or (new and producer == self._elder(now_s))
+        may_return = new and now_s - self._returned_s[0] >= FORMER_S
+        return (
+            self.current in (None, producer)
+            or stale
+            or (may_return and producer == self._elder(now_s))
+        )
 
     def _elder(self, now_s: float) -> str | None:
         """The producer that may only be held up."""
@@ -95,7 +107,9 @@ class ProducerGate:
         if producer == elder:
             # It stays the elder: a stand-in does not get the stream back from it.
             self._former = None
-        elif self.current is not None:
+            self._returned_s.append(now_s)
+        elif elder is None and self.current is not None:
+            # Nor does a second stand-in make the first one the elder.
             self._former = self.current, now_s
         self.current = producer
 

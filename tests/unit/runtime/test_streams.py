@@ -82,6 +82,29 @@ def test_a_producer_that_was_replaced_long_ago_does_not_come_back() -> None:
     assert not gate.accepts("a", 12.5)
 
 
+def test_a_last_gasp_now_and_then_does_not_keep_the_stand_in_out() -> None:
+    gate = ProducerGate()
+    gate.accepts("a", 0.0)
+    used = {"a": 0, "b": 0}
+    for tick in range(1, 1200):
+        now_s = 0.05 * tick
+        used["b"] += gate.accepts("b", now_s)
+        if tick % 18 == 0:
+            used["a"] += gate.accepts("a", now_s)
+    assert used["b"] > 0.8 * 1200
+    assert 6 <= used["a"] <= 21, "three in ten seconds"
+
+
+def test_a_rival_under_two_names_does_not_take_the_stream_for_good() -> None:
+    gate = ProducerGate()
+    gate.accepts("a", 0.0)
+    assert gate.accepts("b", 0.6)
+    assert gate.accepts("c", 1.2)
+    assert not gate.accepts("b", 1.3), "it was no more than a stand-in"
+    assert gate.accepts("a", 1.4)
+    assert not gate.accepts("c", 1.5)
+
+
 @pytest.mark.parametrize("epoch", [1, 2], ids=["the same camera", "another camera"])
 def test_a_recording_of_a_dead_producer_does_not_silence_the_stand_in(
     judge: StreamJudge, epoch: int
