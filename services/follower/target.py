@@ -15,8 +15,6 @@ from heel.services.runtime.streams import FORMER_S
 _CHOICE_AGE_S = 0.5
 """A person seen no longer ago can still be chosen: a busy machine is late now and then, and nothing
 moves before the tracks are fresh."""
-
-
 _IMPRINT_DISTANCE_M = 2.5
 """How near a person has to stand to be imprinted on: within speaking distance."""
 _IMPRINT_HALF_ANGLE_RAD = 0.35
@@ -76,12 +74,11 @@ class TargetChoice:
             self._go_on()
             return False
         if before_tracker != tracker:
-            interrupted = self._interrupted
             self._void("the tracker was replaced: choose again")
             if kept is not None:
                 self._interrupted = kept, seen_ns
-            elif interrupted is not None:
-                self._back_again(*interrupted)
+            elif self._interrupted is not None:
+                self._back_again(*self._interrupted)
         elif before_scene[:2] != scene[:2]:
             self._void("the camera was restarted: choose again")
         elif before_scene != scene:

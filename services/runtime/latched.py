@@ -20,9 +20,9 @@ _PERIOD_S = 2.0
 _MOST_ANSWERS = 16
 """Answers taken to one question; no topic has as many holders."""
 _LONGEST_S = 1.0
-"""Seconds after which a question asked once is over; answers take milliseconds."""
+"""Seconds after which a question asked once is over; chosen by hand."""
 _LOOK_S = 0.01
-"""Seconds between two looks at the answers to a question asked once."""
+"""Seconds between two looks at the answers to a question asked once; chosen by hand."""
 
 M = TypeVar("M", bound=Message)
 

@@ -62,7 +62,6 @@ class Control:
         self._session = context.session
         self._producer = context.producer
         self._log = context.log
-        self._timeout_s = _TARGET_TIMEOUT_S
         self._lock = threading.Lock()
         self._stop = PageStop()
         self._robot = context.robot
@@ -98,7 +97,7 @@ class Control:
             FifoChannel(8),
             payload=encode(request),
             encoding=request.encoding(),
-            timeout=self._timeout_s,
+            timeout=_TARGET_TIMEOUT_S,
         )
         refusal: str | None = None
         for reply in replies:
@@ -108,7 +107,7 @@ class Control:
                 refusal = _text(reply.err.payload.to_bytes())
         if refusal is None or refusal == _ZENOH_TIMEOUT:
             raise NoFollowerError(
-                f"no answer from the follower within {self._timeout_s:g} s: is it running?"
+                f"no answer from the follower within {_TARGET_TIMEOUT_S:g} s: is it running?"
             )
         raise TargetRefusedError(refusal)
 
