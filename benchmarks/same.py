@@ -24,15 +24,12 @@ from __future__ import annotations
 import difflib
 import hashlib
 import itertools
-import multiprocessing
 import os
 import platform
-import signal
 import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -45,15 +42,14 @@ import typer
 from benchmarks.common import data_folder
 from benchmarks.same_cases import FILES, MODEL_FRAMES, MOST_FRAMES, Case, all_cases
 from heel.schemas.errors import HeelError, SettingsError
+from heel.services.loops.scenarios.parallel import workers
 from heel.services.runtime.command_line import run_app
-from heel.services.runtime.process import PARENT_VARIABLE, die_with_parent
 from heel.services.runtime.settings import ENVIRONMENT_PREFIX
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 KEPT = Path(__file__).with_suffix(".txt")
 _LONGEST_S = 3 * 3600.0
 _DIGITS = 16
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _MADE_ON = "# made on: "
 _HEAD = f"""\
 # What `make same` compares with: hash, rows and name of every file that a case leaves.
@@ -252,30 +248,19 @@ def play_all(cases: Sequence[Case], jobs: int, out: Path) -> Iterator[Played]:
     Raises:
         HeelError: a process died, or three hours are over.
     """
-    for name in _ONE_THREAD:
-        os.environ[name] = "1"
-    os.environ[PARENT_VARIABLE] = str(os.getpid())
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(jobs, len(cases)), context, initializer=_start_worker)
-    try:
+    with workers(min(jobs, len(cases)), _forget_settings) as pool:
         futures = [pool.submit(play, case, out) for case in cases]
-        for future in as_completed(futures, timeout=_LONGEST_S):
-            yield future.result()
-    except BrokenProcessPool:
-        raise HeelError("a process was killed, probably for want of memory: --jobs 1") from None
-    except TimeoutError:
-        raise HeelError(f"not done after {_LONGEST_S:g} s: --only NAME finds what hangs") from None
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        # Idle, or of a run that was given up: there is nothing to lose.
-        for process in multiprocessing.active_children():
-            process.kill()
+        try:
+            for future in as_completed(futures, timeout=_LONGEST_S):
+                yield future.result()
+        except TimeoutError:
+            raise HeelError(
+                f"not done after {_LONGEST_S:g} s: --only NAME finds what hangs"
+            ) from None
 
 
-def _start_worker() -> None:
-    """Ends with its parent; settings of the user's own must not reach the cores."""
-    die_with_parent()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _forget_settings() -> None:
+    """Settings of the user's own must not reach the cores."""
     for name in [name for name in os.environ if name.startswith(ENVIRONMENT_PREFIX)]:
         del os.environ[name]
 

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,20 +80,35 @@ def run_all(
     """
     if jobs == 1:
         return list(_one_by_one(run, tasks, on_done))
-    for name in _ONE_THREAD:
-        # Linear algebra on a few numbers only loses by threads that compete with the other jobs.
-        os.environ.setdefault(name, "1")
-    os.environ.setdefault(PARENT_VARIABLE, str(os.getpid()))
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(jobs, len(tasks)), context, initializer=_start_worker)
-    try:
+    with workers(min(jobs, len(tasks))) as pool:
         futures = [pool.submit(_named, run, task) for task in tasks]
         _await(futures, on_done)
         return [future.result() for future in futures]
+
+
+@contextmanager
+def workers(count: int, prepare: Callable[[], None] | None = None) -> Iterator[ProcessPoolExecutor]:
+    """Processes that end with the block, and with this process, however that ends.
+
+    Args:
+        count: of the processes.
+        prepare: called first in each; a function at module level.
+
+    Raises:
+        HeelError: one was killed.
+    """
+    for name in _ONE_THREAD:
+        # Linear algebra on a few numbers only loses by threads that compete with the other jobs.
+        os.environ[name] = "1"
+    # Also where this process was started by another one of Heel: the workers are its own.
+    os.environ[PARENT_VARIABLE] = str(os.getpid())
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(count, context, initializer=_start_worker, initargs=(prepare,))
+    try:
+        yield pool
     except BrokenProcessPool as error:
         raise HeelError(
-            "a process of `heel scenarios` was killed, probably for want of memory: run fewer "
-            "--jobs"
+            "a process was killed, probably for want of memory: run fewer --jobs"
         ) from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
@@ -110,10 +126,12 @@ def _end_workers() -> None:
         time.sleep(_POLL_S)
 
 
-def _start_worker() -> None:
+def _start_worker(prepare: Callable[[], None] | None) -> None:
     """Ends with its parent, however that ends; Ctrl-C is the parent's to handle."""
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if prepare is not None:
+        prepare()
 
 
 def _one_by_one(

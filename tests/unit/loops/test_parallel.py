@@ -9,6 +9,7 @@ from made_episodes import fail_at_seed_3, killed, run
 
 from heel.schemas import HeelError
 from heel.services.loops.scenarios.parallel import EpisodeTask, run_all, spread
+from heel.services.runtime.process import PARENT_VARIABLE
 
 NAMES = ["straight", "turns", "pillar"]
 
@@ -42,6 +43,15 @@ def test_an_episode_that_crashes_is_named(jobs: int) -> None:
         run_all(fail_at_seed_3, tasks, jobs, lambda: None)
 
     assert not multiprocessing.active_children()
+
+
+def test_processes_run_where_this_one_was_itself_started_by_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv(PARENT_VARIABLE, "1")
+    tasks = spread(NAMES, 2, seed=0)
+
+    assert run_all(run, tasks, 2, lambda: None) == [run(task) for task in tasks]
 
 
 def test_a_process_that_is_killed_is_an_error() -> None:
