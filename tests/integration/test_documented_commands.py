@@ -222,12 +222,12 @@ def test_recordings_are_run_and_scored_as_the_pages_say(desk: Path) -> None:
                  "heel run incident.mp4 --out incident --annotate"):  # fmt: skip
         done = run(line, desk)
         assert done.returncode == 0, f"{line}: {done.stderr}"
-    (page,) = [block for block in blocks("sh") if block.page == "docs/guides/first-run.md"
-               and "scene:crossing" in block.text]  # fmt: skip
-    told = (REPOSITORY / page.page).read_text(encoding="utf-8")
+    page = "docs/guides/first-run.md"
+    assert any("scene:crossing" in block.text for block in blocks("sh", page))
+    told = (REPOSITORY / page).read_text(encoding="utf-8")
     for name in ("results", "incident"):
         for file in (desk / name).iterdir():
-            assert f"`{file.name}" in told, f"the table of {page.page} leaves out {file.name}"
+            assert f"`{file.name}" in told, f"the table of {page} leaves out {file.name}"
 
 
 @contextmanager
@@ -301,7 +301,7 @@ def test_the_tests_of_python_blocks_name_their_pages() -> None:
     for page, test in PYTHON_ELSEWHERE.items():
         text = (REPOSITORY / test).read_text(encoding="utf-8")
         assert Path(page).name in text, f"{test} does not run the blocks of {page}"
-        assert any(block.page == page for block in blocks("python")), f"{page} has none any more"
+        assert blocks("python", page), f"{page} has none any more"
 
 
 def python_blocks() -> list[Block]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,16 +11,14 @@ import cv2
 import pytest
 
 from heel.services.capture.sources import open_source
+from tests.support.documents import blocks
+from tests.support.processes import REPOSITORY
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 SCENE = "scene:crossing?frames=112&width=320&height=240"
-_PAGES = (REPOSITORY / "docs" / "guides" / "python.md", REPOSITORY / "README.md")
 _BLOCKS = [
-    (page.name, number, block)
-    for page in _PAGES
-    for number, block in enumerate(
-        re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-    )
+    (Path(page).name, number, block.text)
+    for page in ("docs/guides/python.md", "README.md")
+    for number, block in enumerate(blocks("python", page))
 ]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 import signal
 import socket
@@ -18,22 +17,17 @@ import pytest
 
 from heel.services.capture.sources import open_source
 from heel.services.pipeline import scene_truth
+from tests.support.documents import blocks
 from tests.support.network import wait_until
+from tests.support.processes import REPOSITORY
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 SCENE = "scene:crossing?frames=120&width=320&height=240"
 
 
-def blocks() -> list[list[str]]:
-    """The README's shell blocks, comments stripped."""
-    text = (REPOSITORY / "README.md").read_text(encoding="utf-8")
-    found = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
-    return [[" ".join(shlex.split(line, comments=True)) for line in block.strip().splitlines()]
-            for block in found]  # fmt: skip
-
-
 def block_with(command: str) -> list[str]:
-    return next(block for block in blocks() if any(line.startswith(command) for line in block))
+    """The commands of the README's first block with one that begins so."""
+    found = (block.commands for block in blocks("sh", "README.md"))
+    return next(lines for lines in found if any(line.startswith(command) for line in lines))
 
 
 def run(line: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:

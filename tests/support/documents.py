@@ -34,12 +34,13 @@ def pages() -> list[Path]:
     return [*roots, *sorted((REPOSITORY / "docs").rglob("*.md"))]
 
 
-def blocks(language: str | None = None) -> list[Block]:
-    """The fenced blocks of all pages, or those of one language."""
+def blocks(language: str | None = None, page: str | None = None) -> list[Block]:
+    """The fenced blocks of all pages, or those of one language, of one page."""
     found = [
-        Block(page.relative_to(REPOSITORY).as_posix(), match[2], match[3])
-        for page in pages() for match in _BLOCK.finditer(page.read_text(encoding="utf-8"))
-    ]  # fmt: skip
+        Block(file.relative_to(REPOSITORY).as_posix(), match[2], match[3])
+        for file in ([REPOSITORY / page] if page else pages())
+        for match in _BLOCK.finditer(file.read_text(encoding="utf-8"))
+    ]
     return [block for block in found if language in (None, block.language)]
 
 
