@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, Protocol
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.schemas import Blob, Blobs, CameraMotion, FrameId, Patch, Tracks
+from heel.schemas import Blob, Blobs, CameraMotion, FrameId, Tracks
+from heel.services.detector.messages import person_blobs
 from heel.services.detector.settings import DetectorSettings
 from heel.services.loops.panning.truth import InWindow
 from heel.services.pipeline import InProcessPipeline
@@ -24,8 +24,6 @@ _LEAST_PX = 8.0
 """Least side of a box that such a person would draw; chosen by hand."""
 _TRUE_SCORE = 0.95
 """Of boxes that are the ground truth's: as sure as a detector gets."""
-_PATCH_ROWS = 96
-"""Pixels of a person that are kept with a box, as the detectors keep them."""
 
 
 class WindowPerception(Protocol):
@@ -109,21 +107,5 @@ def _blobs(truth: InWindow, image: NDArray[np.uint8]) -> tuple[Blob, ...]:
     marked = (truth.inside >= _LEAST_INSIDE) & (size >= _LEAST_PX).all(axis=1)
     boxes = truth.boxes_xyxy[marked]
     # By place: the order of the ground truth would tell who is who.
-    return tuple(_blob(box, image) for box in sorted(boxes.tolist()))
-
-
-def _blob(box: list[float], image: NDArray[np.uint8]) -> Blob:
-    left, top, right, bottom = box
-    pixels = image[int(top) : max(int(top) + 1, round(bottom)),
-                   int(left) : max(int(left) + 1, round(right))]  # fmt: skip
-    if pixels.shape[0] > _PATCH_ROWS:
-        width = max(1, round(pixels.shape[1] * _PATCH_ROWS / pixels.shape[0]))
-        small = cv2.resize(pixels, (width, _PATCH_ROWS), interpolation=cv2.INTER_AREA)
-        pixels = np.asarray(small, np.uint8)
-    return Blob(
-        box_xyxy=(left, top, right, bottom),
-        area_px=(right - left) * (bottom - top),
-        centroid=((left + right) / 2, (top + bottom) / 2),
-        patch=Patch.from_array(pixels),
-        score=_TRUE_SCORE,
-    )
+    people = [((a, b, c, d), _TRUE_SCORE) for a, b, c, d in sorted(boxes.tolist())]
+    return tuple(person_blobs(people, image))
