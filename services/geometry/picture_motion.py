@@ -126,7 +126,9 @@ class CameraPath:
     def since(self, seq: int) -> Affine | None:
         """Motion from frame `seq` to the newest; None if that is too long ago.
 
-        Before the first frame the camera stood still.
+        Before the first frame the camera stood still. A frame that could not be placed counts as
+        the last one that could: a tracker that is told of no motion leaves its tracks there, and
+        the next step begins there, see `EgoMotion`.
         """
         if len(self._steps) == _PATH_FRAMES and seq < self._steps[0][0]:
             return None
