@@ -154,7 +154,7 @@ class DetectorSettings(BaseModel):
     @property
     def sends_people(self) -> bool:
         """Whether it is known before the first frame that people's boxes are sent, not regions."""
-        return self.detector == "onnx" or (self.detector == "auto" and self.model is not None)
+        return self.method == "onnx"
 
     @model_validator(mode="after")
     def _blur_is_odd(self) -> DetectorSettings:

@@ -1,7 +1,6 @@
 """From the picture to a map of evidence, and from that to regions: alike for every background.
 
 picture --smoothed--> labels of a background --median--> what moves is marked --> regions
-
 """
 
 from __future__ import annotations
@@ -158,9 +157,9 @@ def _moving(image: NDArray[np.uint8], before: NDArray[np.uint8]) -> NDArray[np.u
     return np.asarray(cv2.morphologyEx(moving, cv2.MORPH_OPEN, _SPECKS), np.uint8)
 
 
-def without_specks(labels: NDArray[np.uint8], median_px: int = _MEDIAN_PX) -> NDArray[np.uint8]:
-    """Labels through a median filter; 0 leaves them as they are."""
-    return np.asarray(cv2.medianBlur(labels, median_px), np.uint8) if median_px else labels
+def without_specks(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Labels through a median filter."""
+    return np.asarray(cv2.medianBlur(labels, _MEDIAN_PX), np.uint8)
 
 
 def mark_moving(labels: NDArray[np.uint8], moving: NDArray[np.uint8]) -> NDArray[np.uint8]:

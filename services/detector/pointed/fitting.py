@@ -47,6 +47,7 @@ _SIZES = np.exp(np.arange(-0.9, 0.61, 0.15))
 _LOWEST = 0.12  # least height that is tried at all, picture heights
 _HIGHEST = 1.8  # largest height that is tried at all, picture heights
 _ROWS = 88  # of the views that are searched, pixels
+_MOST_PEAKS = 3  # places looked at of each size; chosen by hand
 _OFF_ROWS = 3  # a person stands no farther than this from where one of its size stands, view pixels
 _CLEAR = 0.85  # a second place has to be less like the person than this share of the best
 _ELSEWHERE = 0.6  # places farther apart than this are two
@@ -239,11 +240,11 @@ def alike(
     return places
 
 
-def _peaks(scores: NDArray[np.float32], most: int = 3) -> list[int]:
+def _peaks(scores: NDArray[np.float32]) -> list[int]:
     """Columns of the highest values, a body apart from each other."""
     left = scores.copy()
     peaks = []
-    for _ in range(most):
+    for _ in range(_MOST_PEAKS):
         column = int(left.argmax())
         if not math.isfinite(left[column]):
             break
