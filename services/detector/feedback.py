@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from heel.schemas import FrameId, Track, Tracks
 from heel.services.detector.scene import WorkSize
-from heel.services.geometry.picture_motion import Affine
+from heel.services.geometry.picture_motion import Affine, moved_points
 
 _KEPT_FRAMES = 64  # more than the largest lag
 _MARGIN_SIDE = 0.25  # of a protected box, widths: arms swing beyond it; chosen by hand
@@ -88,7 +88,7 @@ def _covered(
         ]
     ) / (size.scale_x, size.scale_y)
     if camera is not None:
-        corners = corners @ camera[:, :2].T + camera[:, 2]
+        corners = moved_points(camera, corners)
     (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
     return _between(y0, y1), _between(x0, x1)
 

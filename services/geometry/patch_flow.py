@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas.base import BoxXyxy
+from heel.services.geometry import boxes
 from heel.services.geometry.picture_motion import Affine, moved_points
 
 Floats = NDArray[np.float32]
@@ -47,8 +48,7 @@ def followed(
         box: in `before`.
         camera: motion of the camera between them, where the search begins.
     """
-    left, top, right, bottom = box
-    height = bottom - top
+    width, height = boxes.width(box), boxes.height(box)
     points = _grid(box)
     guess = moved_points(camera, points.astype(np.float64)).astype(np.float32)
     low = np.minimum(points, guess).min(axis=0) - _REACH * height
@@ -70,9 +70,8 @@ def followed(
     zoom = _zoom(start, end)
     if not 1.0 / _LARGEST_ZOOM < zoom < _LARGEST_ZOOM:
         return None
-    x, y = (left + right) / 2 + float(shift[0]), (top + bottom) / 2 + float(shift[1])
-    across, down = zoom * (right - left) / 2, zoom * height / 2
-    return (x - across, y - down, x + across, y + down)
+    x, y = boxes.centre(box)
+    return boxes.around((x + float(shift[0]), y + float(shift[1])), zoom * width, zoom * height)
 
 
 def _grid(box: BoxXyxy) -> Floats:
@@ -122,7 +121,6 @@ def likeness(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
 
 def grey_patch(image: NDArray[np.uint8], box: BoxXyxy) -> NDArray[np.uint8]:
     """Pixels of (H, W) uint8 under a box, at one size for all; outside, the edge is repeated."""
-    size = (max(2, round(box[2] - box[0])), max(2, round(box[3] - box[1])))
-    centre = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
-    patch = cv2.getRectSubPix(image, size, centre)
+    size = (max(2, round(boxes.width(box))), max(2, round(boxes.height(box))))
+    patch = cv2.getRectSubPix(image, size, boxes.centre(box))
     return np.asarray(cv2.resize(patch, _PATCH_SIZE, interpolation=cv2.INTER_AREA), np.uint8)

@@ -14,7 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.schemas.base import BoxXyxy
+from heel.schemas.base import BoxXyxy, Point
+from heel.services.geometry import boxes
 
 Affine = NDArray[np.float64]
 """(2, 3) matrix that maps pixels of an older frame to pixels of a newer one."""
@@ -88,9 +89,9 @@ class MotionEstimate:
         return float(np.sqrt((moved**2).sum(axis=1).mean()))
 
 
-def no_motion(quality: float = 0.0) -> MotionEstimate:
-    """The identity."""
-    return MotionEstimate(np.eye(2, 3), quality)
+def _no_motion() -> MotionEstimate:
+    """The identity, of which nothing is known."""
+    return MotionEstimate(np.eye(2, 3), 0.0)
 
 
 def compose(later: Affine, earlier: Affine) -> Affine:
@@ -104,13 +105,17 @@ def moved_points(affine: Affine, points: NDArray[np.float64]) -> NDArray[np.floa
     return np.asarray(points @ affine[:, :2].T + affine[:, 2])
 
 
+def moved_point(affine: Affine, point: Point) -> Point:
+    """One point through the affine."""
+    x, y = moved_points(affine, np.array([point]))[0].tolist()
+    return x, y
+
+
 def moved_box(box: BoxXyxy, affine: Affine) -> BoxXyxy:
     """An upright box through the affine: its centre moves, its size changes with the zoom."""
-    left, top, right, bottom = box
-    x, y = moved_points(affine, np.array([[(left + right) / 2, (top + bottom) / 2]]))[0].tolist()
     zoom = float(np.sqrt(abs(np.linalg.det(affine[:, :2]))))
-    across, down = zoom * (right - left) / 2, zoom * (bottom - top) / 2
-    return (x - across, y - down, x + across, y + down)
+    centre = moved_point(affine, boxes.centre(box))
+    return boxes.around(centre, zoom * boxes.width(box), zoom * boxes.height(box))
 
 
 class CameraPath:
@@ -157,7 +162,7 @@ class EgoMotion:
             grey: (H, W) uint8; kept, so it must not be written to afterwards.
             free: (H, W) uint8 in the frame before: 0 where people are, else 255.
         """
-        motion = no_motion()
+        motion = _no_motion()
         if self._before is not None and self._before.shape == grey.shape:
             motion = estimate_motion(self._before, grey, free)
         self._passed_over = 0 if motion.is_known else self._passed_over + 1
@@ -172,19 +177,19 @@ def estimate_motion(
     """Motion from one (H, W) uint8 picture to another; `free` as `EgoMotion.update`."""
     tracked = _tracked_corners(before, now, free)
     if tracked is None:
-        return no_motion()
+        return _no_motion()
     corners, found, looked_at = tracked
     affine, inliers = cv2.estimateAffinePartial2D(
         corners, found, method=cv2.RANSAC, ransacReprojThreshold=_INLIER_PX
     )
     if affine is None:
-        return no_motion()
+        return _no_motion()
     share = float(np.count_nonzero(inliers)) / looked_at
     zoom = float(np.hypot(affine[0, 0], affine[1, 0]))
     agreeing = corners[np.asarray(inliers).ravel() == 1].reshape(-1, 2)
     plausible = 1.0 / _LARGEST_ZOOM < zoom < _LARGEST_ZOOM and _is_spread(agreeing, now)
     if share < _LEAST_SHARE or not plausible:
-        return no_motion()
+        return _no_motion()
     flow = (found - corners).reshape(-1, 2)
     still = float(np.count_nonzero((flow**2).sum(axis=1) < _STILL_PX**2)) / looked_at
     return MotionEstimate(np.asarray(affine, np.float64), min(share, 1.0), still)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from heel.schemas import Blob, Blobs, Track
 from heel.schemas.base import BoxXyxy
+from heel.services.geometry.boxes import centre, moved
+from heel.services.geometry.picture_motion import moved_point
 from heel.services.tracker.given_boxes.carry import CameraStep
 from heel.services.tracker.report import Report, tracks_of
 from heel.services.tracker.settings import Reporting
@@ -64,7 +64,7 @@ class SoughtTracker:
             self._velocity = (0.0, 0.0)
         else:
             gain = 1.0 - math.exp(-dt_s / _SPEED_MEMORY_S)
-            before, now = _centre(self._box), _centre(blob.box_xyxy)
+            before, now = centre(self._box), centre(blob.box_xyxy)
             speed = [
                 old + gain * ((to - at) / dt_s - old)
                 for old, at, to in zip(self._velocity, before, now, strict=True)
@@ -81,13 +81,12 @@ class SoughtTracker:
         self._missed_s += dt_s
         if self._box is None or blobs.camera_motion is None:
             return
-        before = _centre(self._box)
-        now = CameraStep.told(blobs.camera_motion).places(np.array([before]))[0].tolist()
-        x, y = now[0] - before[0], now[1] - before[1]
+        before = centre(self._box)
+        now = moved_point(CameraStep.told(blobs.camera_motion).matrix, before)
         # Whatever a message says of the camera: a box out of all bounds ends no tracker.
         by_the_frame = abs(now[0]) <= 2 * blobs.width and abs(now[1]) <= 2 * blobs.height
-        left, top, right, bottom = self._box
-        self._box = (left + x, top + y, right + x, bottom + y) if by_the_frame else None
+        step = now[0] - before[0], now[1] - before[1]
+        self._box = moved(self._box, *step) if by_the_frame else None
 
     def _report(self, box: BoxXyxy, rows: int) -> Report:
         return Report(
@@ -104,7 +103,3 @@ class SoughtTracker:
             and box[3] - box[1] >= self._reporting.min_height * rows,
             proven=self._proven,
         )
-
-
-def _centre(box: BoxXyxy) -> tuple[float, float]:
-    return 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])

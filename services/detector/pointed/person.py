@@ -32,6 +32,7 @@ from heel.services.detector.pointed.silhouette import (
     silhouette,
     view_around,
 )
+from heel.services.geometry import boxes
 from heel.services.geometry.picture_motion import Affine, moved_box
 
 _VIEW = (134, 112)  # columns and rows of what is looked at around the person, view pixels
@@ -85,9 +86,8 @@ class PointedPerson:
 
     def __init__(self, box: BoxXyxy, rows: int) -> None:
         """Begin with a box, and pictures of so many rows, working pixels."""
-        self._x = 0.5 * (box[0] + box[2])
-        self._y = 0.5 * (box[1] + box[3])
-        self._height = box[3] - box[1]
+        self._x, self._y = boxes.centre(box)
+        self._height = boxes.height(box)
         self._stance = Stance(rows, box[1], box[3])
         self._exposure = Exposure()
         self._speed_px_s = 0.0
@@ -102,8 +102,7 @@ class PointedPerson:
     @property
     def box_xyxy(self) -> BoxXyxy:
         """Where the person should be, working pixels."""
-        down, across = 0.5 * self._height, 0.5 * ASPECT * self._height
-        return (self._x - across, self._y - down, self._x + across, self._y + down)
+        return boxes.around((self._x, self._y), ASPECT * self._height, self._height)
 
     def look(self, image: NDArray[np.uint8], camera: Affine, dt_s: float) -> Sighting | None:
         """Where the person is in the next frame; None if it is not seen.
@@ -178,12 +177,12 @@ class PointedPerson:
         return (left + narrower, top, right - narrower, bottom)
 
     def _predict(self, camera: Affine, dt_s: float) -> None:
-        left, top, right, bottom = moved_box(self.box_xyxy, camera)
+        box = moved_box(self.box_xyxy, camera)
         damping = math.exp(-self.missed_s / _UNSEEN_MEMORY_S)
-        self._x = 0.5 * (left + right) + self._speed_px_s * dt_s * damping
+        self._x = boxes.centre(box)[0] + self._speed_px_s * dt_s * damping
         self._growth *= math.exp(-dt_s / _GROWTH_MEMORY_S)
         if self.missed_s == 0.0:
-            self._height = (bottom - top) * math.exp(self._growth * dt_s)
+            self._height = boxes.height(box) * math.exp(self._growth * dt_s)
         self._y = self._stance.centre(self._height)
         self._expected_x = self._x
 

@@ -19,9 +19,3 @@ def box_at(foot: Foot, height: float, ratio: float) -> Box:
     x, y = foot
     half = 0.5 * ratio * height
     return x - half, y - height, x + half, y
-
-
-def carried(foot: Foot, affine: Floats) -> Foot:
-    """A point warped by (2, 3) `affine`."""
-    x, y = affine[:, :2] @ foot + affine[:, 2]
-    return float(x), float(y)

@@ -7,8 +7,9 @@ from collections import OrderedDict
 from collections.abc import Collection
 from dataclasses import dataclass
 
+from heel.services.geometry.picture_motion import moved_point
 from heel.services.tracker.fitted.appearance import Gallery
-from heel.services.tracker.fitted.arrays import Floats, Foot, carried
+from heel.services.tracker.fitted.arrays import Floats, Foot
 from heel.services.tracker.fitted.person import Person
 
 _KEPT = 32
@@ -62,7 +63,7 @@ class Memory:
     def carry(self, affine: Floats) -> None:
         """Warp all places; (2, 3), old to new working pixels."""
         for lost in self._lost.values():
-            lost.foot = carried(lost.foot, affine)
+            lost.foot = moved_point(affine, lost.foot)
 
     def forget(self, ids: Collection[int]) -> None:
         """These are in view again."""

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from heel.services.geometry.picture_motion import moved_point
 from heel.services.tracker.fitted.appearance import Look
-from heel.services.tracker.fitted.arrays import Box, Floats, Foot, box_at, carried
+from heel.services.tracker.fitted.arrays import Box, Floats, Foot, box_at
 from heel.services.tracker.fitted.kalman import FootFilter
 from heel.services.tracker.fitted.scale import SceneScale
 
@@ -124,8 +125,8 @@ class Person:
         self.filter.carry(affine)
         zoom = math.hypot(affine[0, 0], affine[1, 0])
         self.height *= zoom
-        self.birth_foot = carried(self.birth_foot, affine)
-        self.seen_foot = carried(self.seen_foot, affine)
+        self.birth_foot = moved_point(affine, self.birth_foot)
+        self.seen_foot = moved_point(affine, self.seen_foot)
 
     def miss(self, dt_s: float) -> None:
         """Not seen in this frame."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heel.schemas import CameraMotion
+from heel.services.geometry.picture_motion import moved_points
 from heel.services.tracker.given_boxes.geometry import FloatArray
 from heel.services.tracker.given_boxes.track import Track
 
@@ -41,7 +42,7 @@ class CameraStep:
 
     def places(self, points: FloatArray) -> FloatArray:
         """Places (N, 2) in this frame of (N, 2) points of the frame before, pixels."""
-        return np.asarray(points @ self.matrix[:, :2].T + self.matrix[:, 2])
+        return moved_points(self.matrix, points)
 
 
 class Carrier:
