@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from heel.services.capture.quiet import silence_decoders
 from heel.services.capture.sources import open_source
 from heel.services.capture.video_file import VideoFileSource
 from heel.services.runtime.process import cpu_s, memory_mb
+from heel.services.runtime.quiet import silence_decoders
 
 ROUNDS = 7
 SIZES = ((640, 480), (1920, 1080))

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas import HeelError, Track, Tracks
-from heel.services.capture.quiet import silence_decoders
 from heel.services.colours import UNSURE_BELOW, colour_of
+from heel.services.runtime.quiet import silence_decoders
 
 _TRAIL_FRAMES = 40
 _MAX_TRAILS = 256

@@ -10,8 +10,8 @@ import tempfile
 from heel.services.runtime import one_blas_thread  # noqa: F401
 
 # isort: split
-from heel.services.capture.quiet import silence_decoders
 from heel.services.runtime.places import VARIABLE
+from heel.services.runtime.quiet import silence_decoders
 
 # FFmpeg reads its log level when the first video of a process is opened; in the suite that may be
 # a test's own video, long before capture is asked for one.

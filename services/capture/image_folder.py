@@ -9,8 +9,8 @@ from heel.schemas.errors import SourceError
 from heel.services.capture.ffmpeg import shown_path
 from heel.services.capture.frame_numbers import number_frames, ranges
 from heel.services.capture.picture_file import Stretch, read_picture
-from heel.services.capture.quiet import silence_decoders
 from heel.services.capture.source import DEFAULT_FPS, Frame, FrameSource, Warn, log_warning
+from heel.services.runtime.quiet import silence_decoders
 
 IMAGE_SUFFIXES = frozenset(
     {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"}

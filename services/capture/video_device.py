@@ -14,8 +14,8 @@ from heel.schemas.errors import SourceError
 from heel.services.capture.arrivals import CountedArrivals
 from heel.services.capture.device import Picture
 from heel.services.capture.pixels import to_bgr8
-from heel.services.capture.quiet import silence_decoders
 from heel.services.capture.source import Warn, log_warning
+from heel.services.runtime.quiet import silence_decoders
 
 _PLAUSIBLE_S = 60.0
 """A driver's time stamp within this of our clock is on our clock."""
