@@ -7,10 +7,11 @@ import os
 import statistics
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 
@@ -21,6 +22,10 @@ STATIC_SEQUENCES = (
     "PETS09-S2L1", "PETS09-S3MF1", "TUD-Campus", "TownCentre-A", "TownCentre-B", "TownCentre-C",
 )  # fmt: skip
 _RUN_TIMEOUT_S = 900
+_POLL_S = 0.02
+"""Processes are asked so often whether they have come so far: 50 times a second costs nothing."""
+
+T = TypeVar("T")
 
 Json = Annotated[Path | None, typer.Option(help="write the figures here")]
 Write = Annotated[Path | None, typer.Option(help="file whose tables are replaced")]
@@ -37,6 +42,20 @@ class Figure:
     against: str
     ratio: float | None
     runs: int
+
+
+def wait_for(look: Callable[[], T], within_s: float, complaint: str) -> T:
+    """What `look` finds, once that is true.
+
+    Raises:
+        HeelError: it is not within so many seconds.
+    """
+    deadline_s = time.monotonic() + within_s
+    while not (found := look()):
+        if time.monotonic() > deadline_s:
+            raise HeelError(f"{complaint} within {within_s:g} s")
+        time.sleep(_POLL_S)
+    return found
 
 
 def data_folder() -> Path:

@@ -11,16 +11,16 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 import cv2
 import numpy as np
 import typer
 
+from benchmarks.common import wait_for
 from heel.schemas.errors import HeelError
 from heel.services.runtime.command_line import run_app
 
@@ -31,7 +31,6 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 _SIZE_PX = "1560,900"
 _DEADLINE_S = 60.0
 _JPEG_QUALITY = 86
-T = TypeVar("T")
 
 
 @app.command()
@@ -43,7 +42,10 @@ def main(
     with _demo() as url, _browser() as driver:
         driver.get(url)
         moment = "return Number(document.getElementById('map').dataset.time ?? 0)"
-        _wait(lambda: driver.execute_script(moment) >= after_s, f"{after_s:g} s of simulated time")
+        wait_for(
+        lambda: driver.execute_script(moment) >= after_s, _DEADLINE_S,
+        f"{after_s:g} s of simulated time did not come: run heel demo alone,",
+    )  # fmt: skip
         png = driver.get_screenshot_as_png()
     picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
     path = folder / "demo.jpg"
@@ -64,7 +66,9 @@ def _demo() -> Iterator[str]:
             process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=stream)
         try:
             page = re.compile(r"live page: (\S+)")
-            found = _wait(lambda: page.findall(log.read_text()), "the demo's page")
+            found = wait_for(
+                lambda: page.findall(log.read_text()), _DEADLINE_S, "the demo's page did not come"
+            )
             yield found[0]
         finally:
             process.send_signal(signal.SIGINT)
@@ -88,15 +92,6 @@ def _browser() -> Iterator[Chrome]:
         yield driver
     finally:
         driver.quit()
-
-
-def _wait(look: Callable[[], T], what: str) -> T:
-    deadline_s = time.monotonic() + _DEADLINE_S
-    while not (found := look()):
-        if time.monotonic() > deadline_s:
-            raise HeelError(f"{what} did not come within {_DEADLINE_S:g} s: run heel demo alone")
-        time.sleep(0.1)
-    return found
 
 
 if __name__ == "__main__":

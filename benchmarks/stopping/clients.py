@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import secrets
+import signal
 import sys
 import time
 
@@ -36,7 +37,8 @@ def view(endpoint: str) -> None:
     with _session(endpoint) as session:
         session.declare_subscriber("**", lambda sample: None)
         print("up", flush=True)
-        time.sleep(86_400.0)
+        # Until it is killed, with its parent at the latest.
+        signal.pause()
 
 
 def flood(endpoint: str) -> None:

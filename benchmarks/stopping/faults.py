@@ -19,6 +19,10 @@ from heel.services.drive.settings import DriveSettings
 
 WATCHDOG_MS = DriveSettings().ttl_s * 1e3 + 50.0
 """Commands stop: the drive's own watchdog."""
+_HANG_S = 1.0
+"""Twice `ttl_s`: a drive that was given no turn for longer than that counts as hung."""
+_SILENT_S = 0.05
+"""For the last commands before the follower's silence to be on their way; chosen by hand."""
 INPUT_MS = 300.0
 """What the commands rest on is lost, stale or frozen."""
 
@@ -127,9 +131,9 @@ def _drive_after_hang() -> Fault:
 
     def inject(rig: Rig) -> int:
         rig.signal("drive", signal.SIGSTOP)
-        time.sleep(1.0)
+        time.sleep(_HANG_S)
         rig.signal("follower", signal.SIGSTOP)
-        time.sleep(0.05)
+        time.sleep(_SILENT_S)
         thawed_ns = time.monotonic_ns()
         rig.signal("drive", signal.SIGCONT)
         return thawed_ns

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from threading import Event, Thread
 from typing import Self
@@ -11,7 +12,7 @@ _END_S = 5.0
 """Longest wait for the thread, which only ever waits for its next turn."""
 
 
-class Periodic:
+class Periodic(ABC):
     """Runs `run` in a thread while it is entered; `run` walks through `turns`."""
 
     def __init__(self) -> None:
@@ -26,9 +27,9 @@ class Periodic:
         self._ending.set()
         self._thread.join(_END_S)
 
+    @abstractmethod
     def run(self) -> None:
         """What the thread does."""
-        raise NotImplementedError
 
     def turns(self, rate_hz: float) -> Iterator[int]:
         """0, 1, 2 and so on, each when it is due, until the end; what is late is made up for."""

@@ -18,7 +18,7 @@ from typing import Self
 
 import zenoh
 
-from benchmarks.common import REPOSITORY
+from benchmarks.common import REPOSITORY, wait_for
 from benchmarks.stopping.camera import FaultyCamera
 from benchmarks.stopping.ranges import RangeSensor
 from benchmarks.stopping.relay import Relay
@@ -144,11 +144,13 @@ class Rig:
         log = self._folder / f"{name}.log"
         log.write_bytes(b"")
         self._start(name, "benchmarks.stopping.clients", kind, f"tcp/127.0.0.1:{port}")
-        deadline_s = time.monotonic() + _READY_S
-        while b"up" not in log.read_bytes():
-            if time.monotonic() > deadline_s:
-                raise HeelError(f"{name} does not start: see {log}")
-            time.sleep(0.02)
+        process = self._processes[name]
+        wait_for(
+            lambda: b"up" in log.read_bytes() or process.poll() is not None, _READY_S,
+            f"{name} does not start (see {log})",
+        )  # fmt: skip
+        if process.poll() is not None:
+            raise HeelError(f"{name} ended with code {process.returncode}: see {log}")
 
     def end_client(self, name: str) -> None:
         """End one, if it runs."""
@@ -183,14 +185,15 @@ class Rig:
         Raises:
             HeelError: somebody goes on holding it.
         """
-        deadline_s = time.monotonic() + _READY_S
-        while (held := self._held()) or not (self._drive_is_free() and self._follower_is_free()):
+
+        def released() -> bool:
+            held = self._held()
             for one in held:
                 release = EStop(engaged=False, source="benchmark", id=one.id, t_ns=one.t_ns)
                 self.publish(keys.FOLLOW_ESTOP, release)
-            if time.monotonic() > deadline_s:
-                raise HeelError(f"the emergency stop cannot be released: see {self._folder}")
-            time.sleep(0.1)
+            return not held and self._drive_is_free() and self._follower_is_free()
+
+        wait_for(released, _READY_S, f"the emergency stop cannot be released (see {self._folder})")
 
     def _drive_is_free(self) -> bool:
         with _run_folder(self._run_folder):
@@ -329,14 +332,13 @@ class Rig:
         Raises:
             HeelError: one does not within a minute.
         """
-        missing, deadline_s = set(services), time.monotonic() + _READY_S
-        while missing:
-            for reply in self.session.liveliness().get(keys.ALL_ALIVE, timeout=0.5):
-                if reply.ok is not None:
-                    missing.discard(str(reply.ok.key_expr).split("/")[1])
-            if time.monotonic() > deadline_s:
-                raise HeelError(f"{', '.join(missing)} does not come back: see {self._folder}")
-            time.sleep(0.1)
+
+        def there() -> bool:
+            replies = self.session.liveliness().get(keys.ALL_ALIVE, timeout=0.5)
+            names = {str(one.ok.key_expr).split("/")[1] for one in replies if one.ok is not None}
+            return names >= set(services)
+
+        wait_for(there, _READY_S, f"{' and '.join(services)} do not come back (see {self._folder})")
 
     def choose_nearest(self) -> None:
         """Let the follower follow whoever is nearest."""
