@@ -6,10 +6,10 @@ what is not given as an argument has its default. The names here are those of `h
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from types import TracebackType
 from typing import Literal, Self, TypeVar
@@ -22,6 +22,7 @@ from heel.schemas import (
     FollowState,
     HeelError,
     MotionCommand,
+    SettingsError,
     SourceError,
     Target,
     TargetRequest,
@@ -61,6 +62,10 @@ TargetChoice = Literal["nearest", "imprint", "none"] | int | tuple[float, float]
 _Ages = Callable[[], tuple[float, float]]
 """Seconds since a frame was taken, and since the newest one that showed anything new was."""
 _S = TypeVar("_S", bound=BaseModel)
+_LATEST_S = 9e9
+"""Latest time of a picture: messages count nanoseconds in 63 bits. The year 2255, of Unix time."""
+_OLDEST_S = 1e6
+"""Greatest age of a picture: that of messages, 11.6 days."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +143,12 @@ class Follower:
         """
         _request(target)
         mode = target if isinstance(target, str) else "none"
-        started = _changed(follower or FollowerSettings(), target=mode)
+        started = _changed(_settings(FollowerSettings, follower), target=mode)
         camera = CaptureSettings(calibration=None if calibration is None else Path(calibration))
         self._pipeline = FollowingPipeline(
-            _with_model(detector, model), tracker or TrackerSettings(), started, mounting(camera)
-        )
+            _with_model(detector, model), _settings(TrackerSettings, tracker), started,
+            mounting(camera),
+        )  # fmt: skip
         self._wanted = None if isinstance(target, str) else target
         self._clock = _Frames()
 
@@ -156,8 +162,12 @@ class Follower:
                 `FollowerSettings.max_tracks_age_s`. 0 for recordings.
 
         Raises:
-            HeelError: not a picture, or a time that goes back.
+            HeelError: not a picture, a time that goes back, or no age.
         """
+        if not _within(age_s, 0.0, _OLDEST_S):
+            raise HeelError(
+                f"age {_text(age_s)} of a picture: give seconds, from 0 to {_OLDEST_S:g}"
+            )
         seq, own = self._clock.taken_in(image, time_s)
         height, width = own.shape[:2]
         return self._step(own, seq, seq, time_s, (width, height), lambda: (age_s, age_s))
@@ -228,7 +238,7 @@ class Tracker:
             SettingsError: the model or a file cannot be used, or settings contradict each other.
         """
         self._pipeline = InProcessPipeline(
-            _with_model(detector, model), tracker or TrackerSettings()
+            _with_model(detector, model), _settings(TrackerSettings, tracker)
         )
         self._clock = _Frames()
 
@@ -420,7 +430,7 @@ def track(
         target=target, model=model, detector=detector, tracker=tracker, follower=follower,
         calibration=calibration,
     )  # fmt: skip
-    return (following.update(image, time_s) for image, time_s in frames)
+    return (following.update(*_pair(frame)) for frame in frames)
 
 
 class _Frames:
@@ -441,10 +451,10 @@ class _Frames:
                 f"a picture of type {type(image).__name__}: give an array of (height, width, 3) "
                 "uint8 in the order blue, green, red"
             )
-        if not (math.isfinite(time_s) and time_s >= self._last_s):
+        if not _within(time_s, self._last_s, _LATEST_S):
             raise HeelError(
-                f"time {time_s:g} s of picture {self._seq}, after {self._last_s:g} s: give "
-                "seconds, at least 0, that do not go back"
+                f"time {_text(time_s)} s of picture {self._seq}, after {self._last_s:g} s: give "
+                f"seconds, from 0 to {_LATEST_S:g}, that do not go back"
             )
         own = to_bgr8(image)
         if own is image or own.base is not None:
@@ -477,8 +487,37 @@ def _request(target: TargetChoice) -> TargetRequest:
         ) from None
 
 
-def _with_model(settings: DetectorSettings | None, model: str | Path | None) -> DetectorSettings:
-    settings = settings or DetectorSettings()
+def _within(value: object, least: float, most: float) -> bool:
+    return isinstance(value, Real) and least <= float(value) <= most
+
+
+def _text(value: object) -> str:
+    return f"{float(value):g}" if isinstance(value, Real) else repr(value)
+
+
+def _pair(frame: object) -> tuple[Image, float]:
+    if isinstance(frame, tuple | list) and len(frame) == 2:
+        return frame[0], frame[1]
+    raise HeelError(
+        f"{type(frame).__name__} among the frames: give pairs of a picture and its time in seconds"
+    )
+
+
+def _settings(kind: type[_S], given: _S | None) -> _S:
+    """What was given, or the defaults.
+
+    Raises:
+        SettingsError: other settings were given, or none at all.
+    """
+    if given is None:
+        return kind()
+    if not isinstance(given, kind):
+        raise SettingsError(f"settings of type {type(given).__name__}: give a heel.{kind.__name__}")
+    return given
+
+
+def _with_model(given: DetectorSettings | None, model: str | Path | None) -> DetectorSettings:
+    settings = _settings(DetectorSettings, given)
     return settings if model is None else _changed(settings, model=Path(model))
 
 

@@ -175,12 +175,28 @@ _BLACK = np.zeros((48, 64, 3), np.uint8)
         (lambda: heel.Tracker().update(np.zeros((4, 4, 3)), 0.0), "float64"),
         (lambda: heel.Tracker().update(_BLACK, -1.0), "time -1 s of picture 0"),
         (lambda: heel.Tracker().update(_BLACK, math.nan), "time nan s"),
+        (lambda: heel.Tracker().update(_BLACK, 1e300), r"time 1e\+300 s of picture 0"),
+        (lambda: heel.Tracker().update(_BLACK, "now"), "time 'now' s of picture 0"),
+        (lambda: heel.Follower().update(_BLACK, 0.0, math.nan), "age nan of a picture"),
+        (lambda: heel.Follower().update(_BLACK, 0.0, -0.1), "age -0.1 of a picture"),
         (lambda: list(heel.track([(_BLACK, 2.0), (_BLACK, 1.0)])), "time 1 s of picture 1"),
+        (lambda: list(heel.track([_BLACK])), "ndarray among the frames: give pairs"),
+        (lambda: list(heel.track("walk.mp4")), "str among the frames: give pairs"),
+        (lambda: heel.open(SCENE, follower={"distance_m": 2.0}), "dict: give a heel.FollowerSett"),
+        (lambda: heel.open(SCENE, tracker=heel.FollowerSettings()), "give a heel.TrackerSettings"),
+        (lambda: heel.Tracker(detector="mixture"), "type str: give a heel.DetectorSettings"),
     ],
 )  # fmt: skip
 def test_mistakes_are_told_with_their_remedy(mistake: Callable[[], object], complaint: str) -> None:
     with pytest.raises(heel.HeelError, match=complaint):
         mistake()
+
+
+def test_a_refused_age_leaves_the_follower_as_it_was() -> None:
+    follower = heel.Follower()
+    with pytest.raises(heel.HeelError, match="age"):
+        follower.update(_BLACK, 1.0, math.inf)
+    assert follower.update(_BLACK, 0.5).index == 0
 
 
 def test_a_wrong_setting_is_named() -> None:
