@@ -11,9 +11,9 @@ from heel.services.follower.settings import FollowerSettings
 
 _TARGET_MARGIN_M = 0.25
 """Beyond personal space: the target is driven at all the time and stops without warning."""
-_CHILDS_SPACE_M = 0.8
-"""Kept from a child that is taken for an adult: 0.6 m are promised, the rest is for the delay of
-smoothed boxes."""
+_CHILDS_SHARE = 0.9
+"""Of personal space, kept from a child that is taken for an adult: smoothed boxes and the robot's
+own delay take their part, and of 1 m the promised 0.6 m are left; chosen by hand."""
 _OTHERS_MARGIN_M = 0.2
 """Metres: a person that crosses also comes nearer without the robot."""
 _PASSING_SPACE_M = 0.3
@@ -87,7 +87,8 @@ class Surroundings:
             ways.append((room_before_person_m(place, velocity, space_m), whose))
             if person.least_share < 1.0:
                 child = _as_child(place, velocity, person.least_share, linear_mps)
-                ways.append((room_before_person_m(*child, _CHILDS_SPACE_M), whose))
+                childs_m = _CHILDS_SHARE * self._settings.personal_space_m
+                ways.append((room_before_person_m(*child, childs_m), whose))
             if is_target and not seen:
                 nearer = self._something_towards(place)
                 ways.append((room_before_person_m(nearer, velocity, space_m), whose))

@@ -179,7 +179,7 @@ def test_a_click_on_somebody_unseen_reaches_perception_and_the_next_one_chooses_
     assert log.state[-1] == "following"
 
 
-@pytest.mark.parametrize("seed", [8001, 8004])
+@pytest.mark.parametrize("seed", [8004, 9138])
 def test_a_child_is_kept_from_by_a_robot_that_knows_neither_ranges_nor_its_camera(
     seed: int,
 ) -> None:
