@@ -36,6 +36,7 @@ from heel.schemas import (
     encode,
     keys,
 )
+from heel.services.commands.robot_line import REPEAT_S
 from heel.services.run.children import start_python
 from heel.services.runtime.places import VARIABLE, robot_name
 from heel.services.runtime.process import PARENT_VARIABLE
@@ -178,6 +179,20 @@ class Rig:
     def press(self) -> None:
         """Press the emergency stop as any program does: one message, sent once."""
         self.publish(keys.FOLLOW_ESTOP, self._new_stop())
+
+    def press_until_it_stands(self) -> None:
+        """Press it as `heel stop` does on another machine: the same message again and again.
+
+        Raises:
+            HeelError: the wheels go on turning.
+        """
+        stop = self._new_stop()
+        for _ in range(round(_READY_S / REPEAT_S)):
+            self.publish(keys.FOLLOW_ESTOP, stop)
+            time.sleep(REPEAT_S)
+            if self.stands_since_ns() is not None:
+                return
+        raise HeelError(f"the emergency stop was not heard within {_READY_S:g} s")
 
     def release(self) -> None:
         """Release it, and see to it that everybody has heard it.

@@ -33,6 +33,11 @@ def all_stops() -> list[Fault]:
         _beside("viewer slow", _slow, _viewer_back),
         # Among ten thousand messages a second one may be dropped: pressed as `heel stop` does.
         _beside("flood of releases", _flood, lambda rig: rig.end_client("flood"), Rig.press_here),
+        replace(
+            _beside("flood, pressed elsewhere", _flood, lambda rig: rig.end_client("flood"),
+                    Rig.press_until_it_stands),
+            bound_ms=_COMMAND_MS,
+        ),
         _beside("/dev/shm full", _fill, lambda rig: _filler().unlink(missing_ok=True)),
         Fault("emergency stop: unreadable", ESTOP_MS, _unreadable, Rig.release),
         Fault("emergency stop: router killed", ESTOP_MS, _without_router, _router_back),
