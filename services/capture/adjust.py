@@ -16,7 +16,8 @@ class AdjustedSource(FrameSource):
     Args:
         source: closed with this one.
         scale: factor for both sides, in (0, 1].
-        fps: rate in (0, 240] to use in place of the source's own; a camera's clock stays.
+        fps: rate in (0, 240] to use in place of a recording's own; a camera keeps its clock and the
+            rate that it gives.
 
     Raises:
         SourceError: a factor or rate out of range.
@@ -28,8 +29,8 @@ class AdjustedSource(FrameSource):
         self._scale = scale
         self.name = source.name
         self.width, self.height = scaled_size(source.width, source.height, scale)
-        self.fps = source.fps if fps is None else fps
         self._restamp = fps is not None and not source.is_live
+        self.fps = fps if fps is not None and self._restamp else source.fps
         self.frame_count, self.is_live = source.frame_count, source.is_live
         self.window = source.window
 

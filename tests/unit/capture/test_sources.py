@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from heel.schemas.errors import SourceError
+from heel.services.capture.adjust import AdjustedSource
 from heel.services.capture.pixels import to_bgr8
 from heel.services.capture.scene_source import SceneSource
 from heel.services.capture.sources import open_source
@@ -148,3 +149,13 @@ def test_other_arrays_are_refused(
 ) -> None:
     with pytest.raises(SourceError, match="picture"):
         to_bgr8(np.zeros(shape, dtype))
+
+
+@pytest.mark.parametrize(("is_live", "stated"), [(True, 30.0), (False, 60.0)])
+def test_a_rate_asked_for_is_a_recordings_and_what_a_camera_gives_stays(
+    is_live: bool, stated: float
+) -> None:
+    given = open_source("scene:empty")
+    given.is_live, given.fps = is_live, 30.0
+    with AdjustedSource(given, fps=60.0) as source:
+        assert source.fps == stated
