@@ -2,9 +2,10 @@
 
 A constant that no test notices is one that the next change can get wrong. A mutant is a module with
 one constant of module level halved or doubled (a table: all of its numbers). The unit tests that
-run a function which uses the constant are run on it, the most specific first, until one fails; the
-tests run in a fork, with the module changed in memory. Tests of processes, recordings and
-benchmarks are left out on purpose: they take minutes and say little of the cause.
+run a function which uses the constant are run on it, those that pin numbers and then the most
+specific first, until one fails; the tests run in a fork, with the module changed in memory. Tests
+of processes, recordings and benchmarks are left out on purpose: they take minutes and say little of
+the cause.
 
 Why not mutmut or cosmic-ray: mutmut changes function bodies only, not constants of a module;
 cosmic-ray changes numbers by one, which says nothing about 200.0 or 1e-9, and starts the whole test
@@ -17,20 +18,19 @@ from __future__ import annotations
 
 import random
 import sys
-import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, Future, as_completed
 from pathlib import Path
 from typing import Annotated
 
-import cv2
-import scipy.optimize  # noqa: F401  # loaded once here, rather than in every fork
 import typer
 
 from benchmarks.common import REPOSITORY, publish
 from benchmarks.mutants.changes import Mutant, mutants
 from benchmarks.mutants.coverage import Users
-from benchmarks.mutants.runner import Result, Runner
+from benchmarks.mutants.runner import Result, Runner, prepare_worker
+from heel.services.loops.scenarios.parallel import workers
 from heel.services.runtime.command_line import run_app
 
 ROOMS = ("detector", "tracker", "follower")
@@ -57,45 +57,47 @@ def main(
     ] = None,
     seconds: Annotated[
         float, typer.Option(help="longest tests of one mutant, unchanged; the rest is left out")
-    ] = 60.0,
+    ] = 20.0,
+    jobs: Annotated[int, typer.Option(min=1, max=64, help="processes")] = 2,
     write: Annotated[Path | None, typer.Option(help="document to put the table into")] = None,
 ) -> None:
     """Print which changed constants no unit test notices."""
-    cv2.setNumThreads(1)
     chosen = [room.strip() for room in rooms.split(",")]
     every = {room: mutants(REPOSITORY, f"services/{room}") for room in chosen}
     drawn = sorted(mutant for found in every.values() for mutant in found)
     drawn = [mutant for mutant in drawn if only is None or only in str(mutant)]
     if sample is not None:
         drawn = sorted(random.Random(seed).sample(drawn, min(sample, len(drawn))))
-    results: list[Result] = []
-    for room in chosen:
-        among = [f"tests/unit/{room}"] if tests is None else tests.split(",")
-        results += _of_room(room, [one for one in drawn if one in every[room]], among, seconds)
+    among = {room: [f"tests/unit/{room}"] if tests is None else tests.split(",") for room in chosen}
+    of = {room: [one for one in drawn if one in every[room]] for room in chosen}
+    with workers(jobs, prepare_worker) as pool:
+        results = _outcomes(pool, {room: of[room] for room in chosen if of[room]}, among, seconds)
     table = report(results, {room: len(found) for room, found in every.items()})
     publish(table, write, "mutants")
 
 
-def _of_room(
-    room: str, drawn: Sequence[Mutant], among: Sequence[str], seconds: float
-) -> list[Result]:
-    if not drawn:
-        return []
-    runner = Runner(REPOSITORY, among)
-    users = Users(REPOSITORY, f"services/{room}")
-    started_s = time.monotonic()
-    coverage = runner.coverage(f"services/{room}", _COVERAGE_TIMEOUT_S)
-    _tell(f"{room}: {len(coverage.functions)} tests in {time.monotonic() - started_s:.0f} s")
+def _outcomes(
+    pool: Executor, drawn: Mapping[str, Sequence[Mutant]], among: Mapping[str, Sequence[str]],
+    seconds: float,
+) -> list[Result]:  # fmt: skip
+    """Results of the mutants of each room, in any order."""
+    runners = {room: Runner(REPOSITORY, among[room]) for room in drawn}
+    covering = {
+        room: pool.submit(runners[room].coverage, f"services/{room}", _COVERAGE_TIMEOUT_S)
+        for room in drawn
+    }
+    running: list[Future[Result]] = []
+    for room, found in drawn.items():
+        coverage, users = covering[room].result(), Users(REPOSITORY, f"services/{room}")
+        _tell(f"{room}: {len(coverage.functions)} tests")
+        for mutant in found:
+            hit = coverage.tests_of(users.of(mutant.path, mutant.name))
+            asked = coverage.within(hit, seconds)
+            running.append(pool.submit(runners[room].outcome, mutant, *asked))
     results = []
-    for number, mutant in enumerate(drawn, 1):
-        asked: list[str] = []
-        taken_s = 0.0
-        for test in coverage.tests_of(users.of(mutant.path, mutant.name)):
-            if taken_s + coverage.seconds[test] <= seconds or not asked:
-                asked.append(test)
-                taken_s += coverage.seconds[test]
-        results.append(runner.outcome(mutant, asked, taken_s))
-        _tell(f"{number}/{len(drawn)} {mutant}: {results[-1].outcome} ({len(asked)} tests)")
+    for number, done in enumerate(as_completed(running), 1):
+        results.append(result := done.result())
+        _tell(f"{number}/{len(running)} {result.mutant}: {result.outcome} ({result.tests} tests)")
     return results
 
 

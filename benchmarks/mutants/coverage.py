@@ -9,13 +9,15 @@ import sys
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import CodeType, FrameType
 
 import pytest
 
+PINNED = "_pinned"
+"""In the name of every file of tests that compare with numbers kept beside them."""
 Function = tuple[str, int]
 """A function: its file from the root of the repository, and its first line, decorators included."""
 
@@ -33,9 +35,24 @@ class Coverage:
     seconds: dict[str, float] = field(default_factory=dict)
 
     def tests_of(self, functions: set[Function]) -> list[str]:
-        """Tests that run one of these functions, the most specific first."""
+        """Tests that run one of these functions, the most specific first.
+
+        Before all others those that pin numbers: they notice the most, and are quick.
+        """
         hit = [test for test, ran in self.functions.items() if ran & functions]
-        return sorted(hit, key=lambda test: (len(self.functions[test]), test))
+        return sorted(hit, key=lambda test: (PINNED not in test, len(self.functions[test]), test))
+
+    def within(self, tests: Sequence[str], seconds: float) -> tuple[list[str], float]:
+        """As many of these tests, in order, as take so long in all, but one at least; and how long.
+
+        One that is longer than what is left is passed over.
+        """
+        asked, taken_s = list(tests[:1]), sum(self.seconds[test] for test in tests[:1])
+        for test in tests[1:]:
+            if taken_s + self.seconds[test] <= seconds:
+                asked.append(test)
+                taken_s += self.seconds[test]
+        return asked, taken_s
 
     def save(self, path: Path) -> None:
         """Write it as JSON."""

@@ -4,30 +4,33 @@ from __future__ import annotations
 
 import contextlib
 import importlib.machinery
+import multiprocessing
 import os
 import signal
 import sys
 import tempfile
-import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Literal
 
+import cv2
 import hypothesis
 import pytest
+import scipy.optimize  # noqa: F401  # loaded once in each worker, rather than in every fork
 
 from benchmarks.mutants.changes import Mutant, changed
 from benchmarks.mutants.coverage import Coverage, Recorder
 from heel.schemas.errors import HeelError
+from heel.services.runtime.process import PARENT_VARIABLE, die_with_parent
 
 Outcome = Literal["caught", "too slow", "survived", "no test runs it"]
-_POLL_S = 0.02
 _STOP_S = 5.0
 """Between a polite and a hard end of a run that takes too long; chosen by hand."""
-_PATIENCE, _START_S = 5.0, 60.0
+_PATIENCE, _START_S = 5.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,11 @@ class Result:
     mutant: Mutant
     outcome: Outcome
     tests: int
+
+
+def prepare_worker() -> None:
+    """First in each process that runs mutants: several of them share the processor."""
+    cv2.setNumThreads(1)
 
 
 class Runner:
@@ -164,27 +172,22 @@ def _forked(work: Callable[[], int], timeout_s: float, scratch: Path) -> int | N
     """Exit code of work in a forked process, None if it had to be ended."""
     sys.stdout.flush()
     sys.stderr.flush()
-    pid = os.fork()
-    if pid == 0:
-        _child(work, scratch)
-    deadline_s = time.monotonic() + timeout_s
+    process = multiprocessing.get_context("fork").Process(target=_alone, args=(work, scratch))
+    process.start()
     try:
-        while time.monotonic() < deadline_s:
-            done, status = os.waitpid(pid, os.WNOHANG)
-            if done:
-                return os.waitstatus_to_exitcode(status)
-            time.sleep(_POLL_S)
-    except BaseException:
-        _end(pid)
-        raise
-    _end(pid)
-    return None
+        process.join(timeout_s)
+        return process.exitcode
+    finally:
+        _end(process)
 
 
-def _child(work: Callable[[], int], scratch: Path) -> None:
+def _alone(work: Callable[[], int], scratch: Path) -> None:
     """Never returns: a process group of its own, silent, with its temporary files in one place."""
     code = 1
     try:
+        os.environ[PARENT_VARIABLE] = str(os.getppid())
+        die_with_parent()
+        del os.environ[PARENT_VARIABLE]  # what the tests start has other parents
         os.setsid()
         os.environ["TMPDIR"] = tempfile.tempdir = str(scratch)
         for stream in (1, 2):
@@ -201,12 +204,10 @@ def _child(work: Callable[[], int], scratch: Path) -> None:
         os._exit(code)
 
 
-def _end(pid: int) -> None:
+def _end(process: BaseProcess) -> None:
+    """Ends the process if it still runs, and with it whatever its tests have started."""
     for number in (signal.SIGTERM, signal.SIGKILL):
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(pid, number)
-        deadline_s = time.monotonic() + _STOP_S
-        while time.monotonic() < deadline_s:
-            if os.waitpid(pid, os.WNOHANG)[0]:
-                return
-            time.sleep(_POLL_S)
+        if process.is_alive():
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid or 0, number)
+            process.join(_STOP_S)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from benchmarks.mutants.__main__ import report
 from benchmarks.mutants.changes import Factor, Mutant, changed, mutants
 from benchmarks.mutants.coverage import Coverage, Users
-from benchmarks.mutants.runner import Result
+from benchmarks.mutants.runner import Result, _forked
 
 
 @pytest.mark.parametrize(
@@ -63,10 +64,34 @@ def test_tests_that_run_a_user_of_the_constant_are_asked_the_most_specific_first
     assert coverage.tests_of(users) == ["narrow", "broad"]
 
 
+def test_numbers_that_are_pinned_are_asked_first_and_long_tests_are_passed_over() -> None:
+    used = {("one.py", 1)}
+    broad = used | {("one.py", 5)}
+    seconds = {"long": 9.0, "short": 1.0, "test_core_pinned.py::broad": 2.0}
+    coverage = Coverage({"long": used, "short": used, "test_core_pinned.py::broad": broad}, seconds)
+    hit = coverage.tests_of(used)
+    assert hit == ["test_core_pinned.py::broad", "long", "short"]
+    assert coverage.within(hit, 4.0) == (["test_core_pinned.py::broad", "short"], 3.0)
+    assert coverage.within(["long"], 4.0) == (["long"], 9.0), "one is always tried"
+
+
 def test_coverage_is_read_as_it_was_written(tmp_path: Path) -> None:
     coverage = Coverage({"a.py::b": {("c.py", 1)}}, {"a.py::b": 0.5})
     coverage.save(tmp_path / "coverage.json")
     assert Coverage.load(tmp_path / "coverage.json") == coverage
+
+
+def test_work_that_does_not_end_is_ended_with_what_it_has_started(tmp_path: Path) -> None:
+    def work() -> int:
+        child = subprocess.Popen(["sleep", "60"])
+        (tmp_path / "child").write_text(str(child.pid))
+        return child.wait()
+
+    assert _forked(lambda: 3, 30.0, tmp_path) == 3
+    assert _forked(work, 3.0, tmp_path) is None
+    left = int((tmp_path / "child").read_text())
+    status = Path(f"/proc/{left}/status")
+    assert not status.exists() or "zombie" in status.read_text()
 
 
 def test_the_report_counts_what_was_caught_and_lists_the_rest() -> None:
