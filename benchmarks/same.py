@@ -99,7 +99,7 @@ def this_machine() -> str:
     """All that figures may depend on beside the source: versions of libraries, the processor."""
     python = ".".join(platform.python_version_tuple()[:2])
     versions = {"python": python, "numpy": np.__version__, "opencv": cv2.__version__}
-    for name in ("scipy", "onnx", "av"):
+    for name in ("scipy", "onnx", "onnxruntime", "av"):
         try:
             versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:

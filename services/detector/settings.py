@@ -10,7 +10,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from heel.schemas.errors import SettingsError
 from heel.services.detector.interface import checked_options
-from heel.services.runtime.settings import ServiceSettings
+from heel.services.networks.engines import EngineName
+from heel.services.runtime.settings import ServiceSettings, split_list
 
 Preset = Literal["default", "paper"]
 Method = Literal["auto", "mixture", "ego", "mog2", "onnx"]
@@ -27,6 +28,9 @@ _LEARNED = ("auto", "mixture", "ego")
 _USED_BY: dict[str, tuple[str, ...]] = {
     "model": ("onnx",),
     "model_class": ("onnx",),
+    "model_engine": ("onnx",),
+    "model_providers": ("onnx",),
+    "model_threads": ("onnx",),
     "model_score": ("onnx",),
     "model_budget_ms": ("onnx",),
     "model_closer_looks": ("onnx",),
@@ -81,6 +85,21 @@ class DetectorSettings(BaseModel):
         default=None,
         description="onnx: number of the class that is a person, from 0, for a file that does not "
         "name its classes",
+    )
+    model_engine: EngineName = Field(
+        default="auto",
+        description="onnx: what runs the network: onnxruntime, opencv, which takes twice as long, "
+        "or auto: onnxruntime where it is installed",
+    )
+    model_providers: Annotated[tuple[str, ...], BeforeValidator(split_list)] = Field(
+        default=(),
+        description="onnx: execution providers of onnxruntime for an NPU or a GPU, as it names "
+        "them, before the processor; results are then those of that hardware",
+    )
+    model_threads: Annotated[int, Field(ge=1, le=64)] = Field(
+        default=1,
+        description="onnx: threads of onnxruntime; more shortens a frame and takes cores from the "
+        "other services, with more processor time in all",
     )
     model_score: Annotated[float, Field(gt=0, lt=1)] = Field(
         default=0.3,

@@ -1,7 +1,7 @@
 """An ONNX file before it is run: what it says of itself, and whether it is one at all.
 
-OpenCV tells little of why a file cannot be used, and ends the process over some (a stride of 0 is
-a division by zero). So the file is looked through first.
+Engines tell little of why a file cannot be used, and OpenCV ends the process over some (a stride of
+0 is a division by zero). So the file is looked through first.
 """
 
 from __future__ import annotations
@@ -10,18 +10,33 @@ import ast
 import hashlib
 import json
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from heel.schemas.errors import SettingsError
+from heel.services.networks.rewriting import (
+    fix_input,
+    nodes,
+    tensors,
+    without_half_floats,
+    write_out_padding,
+)
 
 if TYPE_CHECKING:
-    from onnx import AttributeProto, GraphProto, ModelProto, NodeProto, TensorProto
+    from onnx import AttributeProto, GraphProto, ModelProto
 
 _MOST_SIDE_PX = 2048
 """Of the input: a larger one takes seconds a frame on a processor."""
+_OPEN_SIDE_PX = 640
+"""Of an input whose size a file leaves open: YOLO networks are trained at this one."""
+_MOST_SIZE_CHARS = 80
+"""Of a size in a file; two numbers take a tenth of it."""
+_SIDE_STEP_PX = 32
+"""Of sizes that a file proposes: the coarsest grid of a plain YOLO."""
+_MOST_FILE_BYTES = 1 << 30
+"""The largest YOLO of the families read here takes 0.3 GB."""
 _MOST_NAMES_CHARS = 100_000
 """Of the class names in a file; a thousand names take a fifth of it."""
 _MOST_VALUES = 1 << 31
@@ -61,6 +76,10 @@ class OnnxFile:
         outputs: names of its outputs.
         class_names: what its classes are called, None where it does not say.
         task: `detect`, `segment`, ..., empty where it does not say.
+        network: the network for an engine, ONNX in one piece: of float32, with a fixed input and
+            with padding written out.
+        as_given: the same with the padding as the file has it; what engines make of `network` is
+            checked against it.
     """
 
     width: int
@@ -68,6 +87,8 @@ class OnnxFile:
     outputs: tuple[str, ...]
     class_names: tuple[str, ...] | None
     task: str
+    network: bytes = field(default=b"", repr=False)
+    as_given: bytes = field(default=b"", repr=False)
 
 
 def read_onnx_file(file: Path) -> OnnxFile:
@@ -81,13 +102,28 @@ def read_onnx_file(file: Path) -> OnnxFile:
     try:
         _check_weights(model, file)
         _check_nodes(model)
-        width, height = _input_size(model)
+        told = {entry.key: entry.value for entry in model.metadata_props}
+        width, height = _input_size(model, told.get("imgsz", ""))
+        network, as_given = _definite(model, file, width, height)
     except SettingsError as error:
         raise SettingsError(f"model {file}: {error}") from None
-    told = {entry.key: entry.value for entry in model.metadata_props}
     names = next((found for key in _NAME_KEYS if (found := _names(told.get(key, "")))), None)
     outputs = tuple(output.name for output in model.graph.output)
-    return OnnxFile(width, height, outputs, names, told.get("task", ""))
+    return OnnxFile(width, height, outputs, names, told.get("task", ""), network, as_given)
+
+
+def _definite(model: ModelProto, file: Path, width: int, height: int) -> tuple[bytes, bytes]:
+    """The network in one piece, with its padding written out and as it is."""
+    from onnx import external_data_helper, inliner
+
+    external_data_helper.load_external_data_for_model(model, str(file.parent))
+    if model.functions:
+        model = inliner.inline_local_functions(model)
+    fix_input(model, width, height)
+    without_half_floats(model)
+    as_given = model.SerializeToString()
+    write_out_padding(model)
+    return model.SerializeToString(), as_given
 
 
 def _parsed(file: Path) -> ModelProto:
@@ -106,6 +142,10 @@ def _parsed(file: Path) -> ModelProto:
         with file.open("rb") as stream:
             start = stream.read(512)
         _check_layout(start)
+        if file.stat().st_size > _MOST_FILE_BYTES:
+            raise SettingsError(
+                f"{file.stat().st_size / 1e9:.1f} GB: no network for a robot; give a smaller one"
+            )
         model = onnx.load(str(file), load_external_data=False)
     except SettingsError as error:
         raise SettingsError(f"model {file}: {error}") from None
@@ -151,7 +191,7 @@ def _check_weights(model: ModelProto, file: Path) -> None:
     """Weights kept beside the file are there, and below its folder."""
     from onnx import TensorProto, checker
 
-    for tensor in _tensors(model.graph):
+    for tensor in tensors(model.graph):
         shape = "x".join(map(str, tensor.dims))
         if min(tensor.dims, default=0) < 0 or math.prod(tensor.dims) > _MOST_VALUES:
             raise SettingsError(
@@ -190,7 +230,7 @@ def _number(where: dict[str, str], key: str) -> int:
 
 
 def _check_nodes(model: ModelProto) -> None:
-    for node in _nodes(model.graph):
+    for node in nodes(model.graph):
         for attribute in node.attribute:
             if attribute.name in _POSITIVE and (bad := _not_positive(attribute)) is not None:
                 raise SettingsError(
@@ -222,33 +262,13 @@ def _not_positive(attribute: AttributeProto) -> int | None:
     return next((value for value in values if value < 1), None)
 
 
-def _graphs(graph: GraphProto) -> Iterator[GraphProto]:
-    """A graph and those inside its nodes."""
-    waiting = [graph]
-    while waiting:
-        one = waiting.pop()
-        yield one
-        for node in one.node:
-            for attribute in node.attribute:
-                waiting += [*attribute.graphs, *([attribute.g] if attribute.HasField("g") else [])]
+def _input_size(model: ModelProto, proposed: str) -> tuple[int, int]:
+    """Width and height of the one picture that it takes.
 
-
-def _nodes(graph: GraphProto) -> Iterator[NodeProto]:
-    return (node for one in _graphs(graph) for node in one.node)
-
-
-def _tensors(graph: GraphProto) -> Iterator[TensorProto]:
-    for one in _graphs(graph):
-        yield from one.initializer
-        for node in one.node:
-            for attribute in node.attribute:
-                yield from attribute.tensors
-                if attribute.HasField("t"):
-                    yield attribute.t
-
-
-def _input_size(model: ModelProto) -> tuple[int, int]:
-    """Width and height of the one picture that it takes."""
+    Args:
+        model: the network.
+        proposed: size for a network that takes any.
+    """
     from onnx import TensorProto
 
     weights = {weight.name for weight in model.graph.initializer}
@@ -268,20 +288,35 @@ def _input_size(model: ModelProto) -> tuple[int, int]:
         )
     sides = [side.dim_value for side in kind.shape.dim]
     shape = "x".join(str(side or "?") for side in sides)
-    if len(sides) != 4 or sides[1] != 3:
+    if len(sides) != 4 or sides[1] not in (0, 3) or (sides[1] == 0 and sides[3] == 3):
         turned = len(sides) == 4 and sides[3] == 3
         remedy = (
             "export it with channels first (NCHW)" if turned
             else "give a network that takes one picture, 1x3xHEIGHTxWIDTH"
         )  # fmt: skip
         raise SettingsError(f"takes an input of {shape}; {remedy}")
-    height, width = sides[2:]
+    if sides[0] > 1:
+        raise SettingsError(
+            f"takes {sides[0]} pictures at once ({shape}): export it with a batch of one"
+        )
+    usual = _proposed_size(proposed)
+    height, width = (side or usual[axis] for axis, side in enumerate(sides[2:]))
     if not (0 < width <= _MOST_SIDE_PX and 0 < height <= _MOST_SIDE_PX):
         raise SettingsError(
             f"input of {shape}; export it with a fixed input size of 32 to {_MOST_SIDE_PX} pixels "
             "(without dynamic axes)"
         )
     return width, height
+
+
+def _proposed_size(text: str) -> tuple[int, int]:
+    """Height and width that `imgsz` of the metadata proposes, `[480, 640]`; or the usual one."""
+    numbers = [int(number) for number in re.findall(r"\d{1,5}", text[:_MOST_SIZE_CHARS])]
+    if len(numbers) in (1, 2) and all(
+        number % _SIDE_STEP_PX == 0 and 0 < number <= _MOST_SIDE_PX for number in numbers
+    ):
+        return numbers[0], numbers[-1]
+    return _OPEN_SIDE_PX, _OPEN_SIDE_PX
 
 
 def _names(text: str) -> tuple[str, ...] | None:

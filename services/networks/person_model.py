@@ -1,9 +1,10 @@
-"""A network in an ONNX file, run by OpenCV: pictures in, people out."""
+"""A network in an ONNX file: pictures in, people out."""
 
 from __future__ import annotations
 
+import math
 import resource
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from heel.schemas.errors import HeelError, SettingsError
 from heel.services.geometry.boxes import clipped
+from heel.services.networks.engines import EngineName, OnnxRuntime, onnxruntime, open_engine
 from heel.services.networks.heads import (
     BYTES_BGR,
     UNIT_RGB,
@@ -24,10 +26,14 @@ from heel.services.networks.heads import (
     people,
     recognise,
 )
-from heel.services.networks.onnx_file import read_onnx_file
+from heel.services.networks.onnx_file import OnnxFile, read_onnx_file
 
 _MOST_MEMORY_BYTES = 4 << 30
 """Weights and all layers; the largest YOLO of the families read here takes about 1 GiB."""
+_LONGEST_PROBE_S = 30.0
+"""Of one picture at loading: the file is damaged or hostile then; chosen by hand."""
+_TOLERANCE = 1e-3
+"""Between engines, as a share of an output: they add in different orders."""
 _OVERLAP = 0.45
 """Of two boxes that overlap more than this (IoU), the weaker one goes."""
 PAD_GREY = 114
@@ -76,17 +82,6 @@ def bounded_memory(more_bytes: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-@contextmanager
-def _opencv_silent() -> Iterator[None]:
-    """What is wrong is told once, by us: OpenCV writes its own account to standard error."""
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-
-
 class PersonModel:
     """A detection network; input size, kind of head and person class are read from the file.
 
@@ -95,37 +90,44 @@ class PersonModel:
         found = model.detect(image, least_score=0.3)
     """
 
-    def __init__(self, file: Path, person_class: int | None = None) -> None:
+    def __init__(
+        self, file: Path, person_class: int | None = None, *, engine: EngineName = "auto",
+        providers: Sequence[str] = (), threads: int = 1,
+    ) -> None:  # fmt: skip
         """Load the network and try it.
 
         Args:
             file: ONNX.
             person_class: which class is a person, where the file does not name its classes.
+            engine: what runs it; `auto` is onnxruntime where it is installed, else OpenCV.
+            providers: of onnxruntime, for processors of other kinds.
+            threads: of onnxruntime.
 
         Raises:
-            SettingsError: the file is missing, is no ONNX network that OpenCV can run, has an
-                input or output that is not understood, or finds no people.
+            SettingsError: the file is missing, is no ONNX network that the engine can run, has an
+                input or output that is not understood, finds no people, or is not computed as the
+                standard says; or there is no such engine.
         """
         told = read_onnx_file(file)
         self.width, self.height = told.width, told.height
         try:
-            with bounded_memory(_MOST_MEMORY_BYTES), _opencv_silent():
-                self._network = cv2.dnn.readNetFromONNX(str(file))
+            with bounded_memory(_MOST_MEMORY_BYTES):
+                self._engine = open_engine(told.network, engine, providers, threads)
                 probes = [self._all(probe, form, told.outputs) for probe, form in self._probes()]
-        except (MemoryError, cv2.error) as error:
-            if isinstance(error, MemoryError) or error.code == cv2.Error.StsNoMem:
-                raise SettingsError(
-                    f"model {file}: wants more than {_MOST_MEMORY_BYTES >> 30} GiB of memory: "
-                    "damaged, or no network for a robot"
-                ) from None
+                self._head = recognise(told, probes, person_class)
+                self._check(told, probes)
+        except MemoryError:
             raise SettingsError(
-                f"model {file}: OpenCV cannot run it ({_first_line(error)}); export it for "
-                "inference, with a batch of one and opset 12 to 17"
+                f"model {file}: wants more than {_MOST_MEMORY_BYTES >> 30} GiB of memory: "
+                "damaged, or no network for a robot"
             ) from None
-        try:
-            self._head = recognise(told, probes, person_class)
         except SettingsError as error:
             raise SettingsError(f"model {file}: {error}") from None
+        except HeelError as error:
+            raise SettingsError(
+                f"model {file}: the engine cannot run it ({error}); export it for inference, with "
+                "a batch of one and opset 12 to 17"
+            ) from None
 
     @property
     def head(self) -> HeadName:
@@ -137,20 +139,22 @@ class PersonModel:
         """What was read from the file, in one line."""
         head = self._head
         boxes = ", boxes as shares of the picture" if head.unit_boxes else ""
-        return f"{head.title}, {self.width}x{self.height}{boxes}; people: {head.why}"
+        what = f"{head.title}, {self.width}x{self.height}{boxes}"
+        return f"{what}, by {self._engine.name}; people: {head.why}"
 
     def detect(self, image: NDArray[np.uint8], least_score: float) -> Detections:
         """People in a (H, W, 3) uint8 BGR picture with at least this score.
 
         Raises:
-            HeelError: OpenCV failed on this picture.
+            HeelError: the engine failed on this picture.
         """
         rows, columns = image.shape[:2]
         sheet = Sheet((self.width, self.height), (columns, rows))
+        blob = _blob(sheet.lay_out(image), self._head.form)
         try:
-            output = self._run(sheet.lay_out(image), self._head.form, self._head.output)
-        except cv2.error as error:
-            raise HeelError(f"the network failed: {_first_line(error)}") from None
+            output = self._engine.run(blob, [self._head.output])[0]
+        except HeelError as error:
+            raise HeelError(f"the network failed: {error}") from None
         boxes, scores = people(output, self._head, self.width, self.height)
         good = np.flatnonzero(scores >= least_score)
         boxes, scores = sheet.read(boxes[good], scores[good])
@@ -166,16 +170,48 @@ class PersonModel:
     def _all(
         self, pixels: NDArray[np.uint8], form: InputForm, names: tuple[str, ...]
     ) -> dict[str, Floats]:
-        self._show(pixels, form)
-        found = self._network.forward(list(names))
-        return {name: np.asarray(one, np.float32) for name, one in zip(names, found, strict=True)}
+        found = self._engine.run(_blob(pixels, form), names, _LONGEST_PROBE_S)
+        return dict(zip(names, found, strict=True))
 
-    def _run(self, pixels: NDArray[np.uint8], form: InputForm, output: str) -> Floats:
-        self._show(pixels, form)
-        return np.asarray(self._network.forward(output), np.float32)
+    def _check(self, told: OnnxFile, probes: Sequence[Mapping[str, Floats]]) -> None:
+        """Compare with what onnxruntime makes of the file layer by layer, where it is installed.
 
-    def _show(self, pixels: NDArray[np.uint8], form: InputForm) -> None:
-        self._network.setInput(cv2.dnn.blobFromImage(pixels, form.scale, swapRB=form.rgb))
+        Raises:
+            SettingsError: what the engine computes is something else.
+        """
+        if onnxruntime() is None:
+            return
+        name = self._head.output
+        for (pixels, form), probe in zip(self._probes(), probes, strict=True):
+            right = _layer_by_layer(told, _blob(pixels, form), name)
+            if (off := _difference(probe[name], right)) > _TOLERANCE:
+                raise SettingsError(
+                    f"{self._engine.name} computes it wrongly, by {off:.2g} of its largest output: "
+                    "choose model_engine onnxruntime without model_providers, or another network"
+                )
+
+
+def _blob(pixels: NDArray[np.uint8], form: InputForm) -> Floats:
+    return np.asarray(cv2.dnn.blobFromImage(pixels, form.scale, swapRB=form.rgb), np.float32)
+
+
+def _layer_by_layer(told: OnnxFile, blob: Floats, output: str) -> Floats:
+    """An output as onnxruntime computes it without optimisation."""
+    try:
+        plain = OnnxRuntime(told.as_given, optimised=False)
+        return plain.run(blob, [output], _LONGEST_PROBE_S)[0]
+    except HeelError:
+        # Padding of its own in a layer with dilation, for one: it is run with it written out.
+        plain = OnnxRuntime(told.network, optimised=False)
+        return plain.run(blob, [output], _LONGEST_PROBE_S)[0]
+
+
+def _difference(found: Floats, right: Floats) -> float:
+    """Largest difference, as a share of what is right or of 1; infinite for other shapes or NaN."""
+    if found.shape != right.shape:
+        return math.inf
+    share = np.abs(found - right) / np.maximum(1.0, np.abs(right))
+    return float(np.nan_to_num(share, nan=math.inf).max(initial=0.0))
 
 
 def without_doubles(boxes: Floats, scores: Floats) -> NDArray[np.intp]:
@@ -187,10 +223,6 @@ def without_doubles(boxes: Floats, scores: Floats) -> NDArray[np.intp]:
     corner_size = np.concatenate([boxes[index, :2], boxes[index, 2:] - boxes[index, :2]], axis=1)
     kept = cv2.dnn.NMSBoxes(corner_size.tolist(), scores[index].tolist(), 0.0, _OVERLAP)
     return index[np.asarray(kept, np.intp).ravel()]
-
-
-def _first_line(error: cv2.error) -> str:
-    return str(error).strip().splitlines()[0][:200]
 
 
 @dataclass(frozen=True, slots=True)

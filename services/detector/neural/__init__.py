@@ -1,1 +1,1 @@
-"""People by a neural network that OpenCV runs on the processor."""
+"""People by a neural network."""

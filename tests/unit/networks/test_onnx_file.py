@@ -180,9 +180,9 @@ def test_a_damaged_copy_of_a_known_network_is_told_of(
 
 
 def test_what_was_recognised_can_be_told(tmp_path: Path) -> None:
-    model = PersonModel(red_finder(tmp_path / "net.onnx", "yolov8"))
+    model = PersonModel(red_finder(tmp_path / "net.onnx", "yolov8"), engine="opencv")
     assert model.description == (
-        "YOLOv8 and alike, 64x64; people: its only class, which the file does not name"
+        "YOLOv8 and alike, 64x64, by OpenCV; people: its only class, which the file does not name"
     )
     blank = np.zeros((64, 64, 3), np.uint8)
     assert len(model.detect(blank, 0.3).boxes) == 0
