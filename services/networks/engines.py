@@ -127,7 +127,7 @@ class OnnxRuntime:
             options.graph_optimization_level = package.GraphOptimizationLevel.ORT_DISABLE_ALL
         for entry in _ASLEEP:
             options.add_session_config_entry(entry, "0")
-        with _one_line():
+        with one_line():
             # With its fallback it would run on the processor, and print that rather than raise it.
             self._session = package.InferenceSession(
                 network, options, providers=[*wanted, _CPU], enable_fallback=0
@@ -146,7 +146,7 @@ class OnnxRuntime:
         self, blob: Floats, outputs: Sequence[str], longest_s: float | None = None
     ) -> list[Floats]:
         """See `Engine`."""
-        with _one_line():
+        with one_line():
             if longest_s is None:
                 found = self._session.run(outputs, {self._input: blob})
             else:
@@ -173,14 +173,14 @@ class OpenCv:
 
     def __init__(self, network: bytes) -> None:
         """See `open_engine`."""
-        with _one_line():
+        with one_line():
             self._network = cv2.dnn.readNetFromONNX(np.frombuffer(network, np.uint8))
 
     def run(
         self, blob: Floats, outputs: Sequence[str], longest_s: float | None = None
     ) -> list[Floats]:
         """See `Engine`; it cannot be given up."""
-        with _one_line():
+        with one_line():
             self._network.setInput(blob)
             # Of several outputs it gives all by name, or one alone.
             found = (
@@ -212,7 +212,7 @@ def _short(name: str) -> str:
 
 
 @contextmanager
-def _one_line() -> Iterator[None]:
+def one_line() -> Iterator[None]:
     """Makes one error of all that engines raise."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
