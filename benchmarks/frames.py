@@ -64,7 +64,7 @@ def mistakes(tracks: Tracks, truth: Boxes) -> int:
 @app.command()
 def main(file: Annotated[Path, typer.Argument(help="where the picture goes")]) -> None:
     """Run the default preset over the drawn scene and keep its best and its worst frame."""
-    pipeline, _ = load_pipeline("default", "none", None)
+    pipeline, _ = load_pipeline("default", "none", None, model="none")
     truth, annotator = true_boxes(), Annotator()
     good: Kept | None = None
     bad: Kept | None = None

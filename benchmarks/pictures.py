@@ -5,6 +5,7 @@ Needs Chromium and its driver. Example run: python -m benchmarks.pictures docs
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import signal
@@ -20,7 +21,7 @@ import cv2
 import numpy as np
 import typer
 
-from benchmarks.common import wait_for
+from benchmarks.common import NAMED_NETWORKS, wait_for
 from heel.schemas.errors import HeelError
 from heel.services.runtime.command_line import run_app
 
@@ -63,7 +64,9 @@ def _demo() -> Iterator[str]:
         command = [sys.executable, "-m", "heel", "demo", "--port", "0", "--out", out]
         log = Path(out) / "stdout"
         with log.open("wb") as stream:
-            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=stream)
+            process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=stream, env=os.environ | NAMED_NETWORKS
+            )
         try:
             page = re.compile(r"live page: (\S+)")
             found = wait_for(

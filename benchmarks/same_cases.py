@@ -151,7 +151,7 @@ def _has_pictures(sequence: Path) -> bool:
 
 def _run(source: str, out: Path, **options: Any) -> None:
     """What `heel run --in-process` does."""
-    run = RunOptions(source=source, out=out, progress=False, **options)
+    run = RunOptions(source=source, out=out, progress=False, **{"model": "none", **options})
     run_in_process(run, threading.Event())
 
 
@@ -166,7 +166,7 @@ def _network(scene: str, frames: int, out: Path) -> None:
 def _turning(scene: str, frames: int, out: Path) -> None:
     """A window that turns before a drawn scene, as a robot's camera would."""
     cv2.setNumThreads(1)
-    pipeline, _ = load_pipeline("default", "nearest", None)
+    pipeline, _ = load_pipeline("default", "nearest", None, model="none")
     with RecordedFrames(scene) as source, _outputs(out) as outputs:
         size = source.source.width, source.source.height
         path = panning({}, frames, size, WINDOW)
@@ -205,7 +205,7 @@ def _given_boxes(sequence: Path, pictures: bool, out: Path) -> None:
 def _scripted(sequence: Path, script: Script, out: Path) -> None:
     """A window that goes over a recording by a script (`benchmarks/scripted_pan.py`)."""
     cv2.setNumThreads(1)
-    pipeline, _ = load_pipeline("default", "nearest", None)
+    pipeline, _ = load_pipeline("default", "nearest", None, model="none")
     with _outputs(out) as outputs:
         frames = scripted_frames(sequence, WINDOW, script, SEED)
         for frame in itertools.islice(frames, MOST_FRAMES):

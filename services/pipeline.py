@@ -166,7 +166,7 @@ def _camera_info(tracks: Tracks, camera: Mounting) -> CameraInfo:
 
 def load_pipeline(
     preset: str, target: str, file: Path | None, detector_name: str | None = None,
-    model: Path | None = None, model_class: int | None = None,
+    model: str | Path | None = None, model_class: int | None = None,
 ) -> tuple[FollowingPipeline, dict[str, Any]]:  # fmt: skip
     """The cores with the settings that the processes would read, and those settings to show.
 

@@ -13,6 +13,7 @@ import pytest
 from heel.services.runtime import one_blas_thread  # noqa: F401
 
 # isort: split
+from heel.services.models.store import VARIABLE as MODELS
 from heel.services.runtime.places import VARIABLE
 from heel.services.runtime.quiet import silence_decoders
 from tests.support.pinned import Pinned
@@ -27,6 +28,9 @@ _session = tempfile.mkdtemp(prefix="heel-tests-")
 atexit.register(shutil.rmtree, _session, ignore_errors=True)
 os.environ["XDG_RUNTIME_DIR"] = _session
 os.environ.pop(VARIABLE, None)
+
+# A network that a developer has got must not decide what tests find.
+os.environ[MODELS] = os.path.join(_session, "models")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

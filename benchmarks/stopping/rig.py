@@ -18,7 +18,7 @@ from typing import Self
 
 import zenoh
 
-from benchmarks.common import REPOSITORY, wait_for
+from benchmarks.common import NAMED_NETWORKS, REPOSITORY, wait_for
 from benchmarks.stopping.camera import FaultyCamera
 from benchmarks.stopping.ranges import RangeSensor
 from benchmarks.stopping.relay import Relay
@@ -240,6 +240,7 @@ class Rig:
 
     def _environment(self) -> dict[str, str]:
         kept = {key: value for key, value in os.environ.items() if not key.startswith("HEEL_")}
+        kept |= NAMED_NETWORKS
         return kept | {
             "PYTHONPATH": str(REPOSITORY), PARENT_VARIABLE: str(os.getpid()),
             VARIABLE: str(self._run_folder),

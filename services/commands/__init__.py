@@ -8,6 +8,7 @@ from heel.services.commands.calibrate import calibrate
 from heel.services.commands.demo import demo
 from heel.services.commands.eval import score
 from heel.services.commands.follow import follow
+from heel.services.commands.models import app as models
 from heel.services.commands.run import run
 from heel.services.commands.scenarios import scenarios
 from heel.services.commands.schema import schema
@@ -22,6 +23,7 @@ def register_tools(app: typer.Typer) -> None:
     app.command()(run)
     app.command("eval")(score)
     app.command("track-detections")(track_detections)
+    app.add_typer(models, name="models")
     app.command()(scenarios)
     app.command()(calibrate)
     app.command()(follow)

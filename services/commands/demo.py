@@ -98,7 +98,7 @@ def _play_world(
     perception: Literal["simulated-boxes", "pixels"], kept: bool,
 ) -> None:  # fmt: skip
     # Imported here, in the guarded process: see `guarded`.
-    from heel.services.run.checks import check_settings
+    from heel.services.run.checks import check_settings, say_without_network
     from heel.services.run.following import FollowingTally, write_figures
     from heel.services.run.world_run import PageOptions, WorldOptions, WorldRun
     from heel.services.runtime.logs import set_up_command_logging
@@ -106,7 +106,9 @@ def _play_world(
 
     set_up_command_logging()
     duration_s = _check_world(scenario, seed)
-    check_settings(options)
+    if perception == "pixels":
+        say_without_network(options)
+    seen = check_settings(options)
     world = WorldOptions(
         options.out / "logs", scenario, seed, perception,
         episode_s=None if options.loop else duration_s, seconds=options.seconds,
@@ -121,7 +123,7 @@ def _play_world(
     with stop_signals(PARENT_EXIT_S) as stopping:
         WorldRun(world, tally, stopping, logging.getLogger("heel.demo")).run()
     with _writing(options.out):
-        write_figures(figures, perception, options.out)
+        write_figures(figures, perception, seen if perception == "pixels" else None, options.out)
     gap = "-" if figures.least_gap_m is None else f"{figures.least_gap_m:.2f} m"
     share = figures.followed_s / figures.time_s if figures.time_s else 0.0
     typer.echo(
@@ -134,7 +136,7 @@ def _play_world(
     if perception == "simulated-boxes":
         typer.echo("people are the simulator's own boxes, not seen in pixels")
     else:
-        typer.echo("people were seen in the rendered pictures")
+        typer.echo(f"people were seen in the rendered pictures by {seen}")
     typer.echo(results_in(options.out, kept))
 
 

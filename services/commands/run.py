@@ -79,7 +79,7 @@ def _print_page(url: str) -> None:
 
 def _work(options: RunOptions, in_process: bool) -> None:
     # Imported here, in the guarded process: see `guarded`.
-    from heel.services.run.checks import check_options
+    from heel.services.run.checks import check_options, say_without_network
     from heel.services.run.distributed import DistributedRun
     from heel.services.run.in_process import run_in_process
     from heel.services.run.summary import print_summary
@@ -89,6 +89,7 @@ def _work(options: RunOptions, in_process: bool) -> None:
     set_up_command_logging()
     with stop_signals(PARENT_EXIT_S) as stopping:
         if in_process:
+            say_without_network(options)
             summary = run_in_process(options, stopping)
         else:
             check_options(options)

@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from heel.schemas.errors import SettingsError
-from heel.services.commands.shared_options import PARENT_EXIT_S, Config, Detector, Model, ModelClass
+from heel.services.commands.shared_options import (
+    PARENT_EXIT_S,
+    Config,
+    Detector,
+    ModelClass,
+    NamedModel,
+)
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -75,7 +81,7 @@ _Video = Annotated[
 
 def scenarios(
     episodes: _Episodes = 42, seed: _Seed = 0, jobs: _Jobs = None, scenario: _Scenario = None,
-    boxes: _Boxes = True, detector: Detector = None, model: Model = None,
+    boxes: _Boxes = True, detector: Detector = None, model: NamedModel = None,
     model_class: ModelClass = None, processes: _Processes = False, as_json: _Json = False,
     out: _Out = None, video: _Video = False, config: Config = None, postures: _Postures = False,
     ranges: _Ranges = True, calibrated: _Calibrated = True,

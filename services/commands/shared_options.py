@@ -16,7 +16,19 @@ Detector = Annotated[
     typer.Option(help="how people are found in pixels: auto, mixture, ego, onnx, ..."),
 ]
 Model = Annotated[
-    Path | None, typer.Option(help="ONNX network that finds people in pixels", metavar="FILE")
+    str | None,
+    typer.Option(
+        help="network that finds people in pixels: a name of `heel models list`, an ONNX file, or "
+        "none [default: one that `heel models get` has brought]",
+        metavar="NAME|FILE",
+    ),
+]
+NamedModel = Annotated[
+    str | None,
+    typer.Option(
+        help="network that finds people in pixels: a name of `heel models list`, or an ONNX file",
+        metavar="NAME|FILE",
+    ),
 ]
 ModelClass = Annotated[
     int | None,

@@ -39,6 +39,8 @@ class DetectorService:
     def __init__(self, context: ServiceContext[DetectorServiceSettings]) -> None:
         self._context = context
         self._settings = context.settings
+        if context.settings.hint is not None:
+            context.log.info("%s", context.settings.hint)
         self._live = live = context.settings.delivery == "live"
         self._detector = Detector(context.settings, time.monotonic if live else None)
         self._feedback = FeedbackBuffer(context.settings.feedback_lag_frames)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from heel.schemas.errors import SettingsError
 from heel.services.detector.interface import checked_options
+from heel.services.models.store import ModelFile, with_network_there
 from heel.services.networks.engines import EngineName
 from heel.services.runtime.settings import ServiceSettings, split_list
 
@@ -24,6 +24,11 @@ _PAPER: dict[str, Any] = {
     "blur_px": 0,
     "protect": False,
 }
+NO_NETWORK = (
+    "no network: without one people are found by what moves, or one alone that is pointed at; with "
+    "one everybody is seen at once, also by a robot that drives: heel models get yolox-nano "
+    "(--model none: go on without)"
+)
 _LEARNED = ("auto", "mixture", "ego")
 _USED_BY: dict[str, tuple[str, ...]] = {
     "model": ("onnx",),
@@ -78,8 +83,10 @@ class DetectorSettings(BaseModel):
         description="settings of a detector that another package adds, NAME=VALUE,...; an unknown "
         "name gets the list",
     )
-    model: Path | None = Field(
-        default=None, description="network that finds people, an ONNX file (onnx, auto)"
+    model: ModelFile = Field(
+        default=None,
+        description="network that finds people (onnx, auto): a name of `heel models list`, an ONNX "
+        "file, or none; not given, one that `heel models get` has brought is used",
     )
     model_class: Annotated[int, Field(ge=0, le=100_000)] | None = Field(
         default=None,
@@ -163,8 +170,7 @@ class DetectorSettings(BaseModel):
     def _fill_from_preset(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
-        given = {name: value for name, value in data.items() if value is not None}
-        given = {**_PAPER, **given} if given.get("preset") == "paper" else given
+        given = _as_given(data)
         name, options = given.get("detector"), _split_options(given.get("options", {}))
         if isinstance(name, str) and name not in BUILT_IN and isinstance(options, Mapping):
             given["options"] = checked_options(name, dict(options))
@@ -191,12 +197,45 @@ class DetectorSettings(BaseModel):
             usual = preset.get(name, field.get_default(call_default_factory=True))
             if value != usual and self.method not in users:
                 of = f"detector {' or '.join(users)}" if users else "detectors of other packages"
+                other = "--model none" if self.method != self.detector else "another detector"
                 raise SettingsError(
                     f"{name}: detector {self.method} does not read it, it is for {of}: leave it "
-                    f"out, or choose another detector"
+                    f"out, or choose {other}"
                 )
         return self
 
+    @property
+    def hint(self) -> str | None:
+        """For a user that has no network and did not say so: what one gives, and how to get it."""
+        if self.method != "auto" or "model" in self.model_fields_set:
+            return None
+        return NO_NETWORK
 
-class DetectorServiceSettings(ServiceSettings, DetectorSettings):
-    """Settings of the detector process."""
+
+def _as_given(data: Mapping[str, Any]) -> dict[str, Any]:
+    """What is given, with what the preset says of the rest."""
+    given = {name: value for name, value in data.items() if value is not None}
+    return {**_PAPER, **given} if given.get("preset") == "paper" else given
+
+
+def with_network(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a detector, by name, with the network that is there where they allow for it.
+
+    Raises:
+        SettingsError: it is there and damaged.
+    """
+    given = _as_given(data)
+    return with_network_there(given, given.get("detector", "auto"))
+
+
+class NamedDetectorSettings(ServiceSettings, DetectorSettings):
+    """Settings of the detector process with a network only if one is named, for what is scored."""
+
+
+class DetectorServiceSettings(NamedDetectorSettings):
+    """Settings of the detector process, which takes the network that is there."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_the_network_there(cls, data: Any) -> Any:
+        return with_network(data) if isinstance(data, dict) else data

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import sys
+
+from heel.services.detector.settings import DetectorServiceSettings
 from heel.services.pipeline import RecordedFrames, load_pipeline
 from heel.services.run.options import RunOptions
+from heel.services.run.summary import Perception
+from heel.services.runtime.settings import Loaded, load_settings
 
 _LIVE = ("/dev/", "pan:")
 """Sources that are not opened for a check: a camera is opened once, and a window into a recording
@@ -13,10 +18,13 @@ writes a file."""
 def check_options(options: RunOptions) -> None:
     """Read every setting, make every core, open a recording, and let go of all of it.
 
+    Without a network, where the user did not ask for none, this says what one would give.
+
     Raises:
         SettingsError: a setting, the detector or its model is not what it should be.
         SourceError: the source cannot be opened.
     """
+    say_without_network(options)
     check_settings(options)
     if not (
         options.source.isdigit() or options.source.startswith(_LIVE) or "://" in options.source
@@ -25,11 +33,29 @@ def check_options(options: RunOptions) -> None:
             pass
 
 
-def check_settings(options: RunOptions) -> None:
-    """The part of `check_options` that does not concern the source.
+def say_without_network(options: RunOptions) -> None:
+    """Write the detector's hint to standard error, if it has one.
+
+    Raises:
+        SettingsError: a setting of the detector is not what it should be.
+    """
+    flags = {"preset": options.preset, "detector": options.detector, "model": options.model,
+             "model_class": options.model_class}  # fmt: skip
+    loaded: Loaded[DetectorServiceSettings] = load_settings(
+        "detector", DetectorServiceSettings, {"detector": flags}, options.config
+    )
+    if loaded.service.hint is not None:
+        sys.stderr.write(f"{loaded.service.hint}\n")
+
+
+def check_settings(options: RunOptions) -> Perception:
+    """The part of `check_options` that does not concern the source; returns what will see people.
 
     Raises:
         SettingsError: a setting, the detector or its model is not what it should be.
     """
-    load_pipeline(options.preset, options.target, options.config, options.detector, options.model,
-                  options.model_class)  # fmt: skip
+    _, shown = load_pipeline(
+        options.preset, options.target, options.config, options.detector, options.model,
+        options.model_class,
+    )  # fmt: skip
+    return Perception.of(shown["detector"], shown["tracker"])

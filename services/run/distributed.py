@@ -7,6 +7,7 @@ import logging
 import threading
 import time
 from contextlib import ExitStack
+from typing import Any
 
 import zenoh
 
@@ -99,7 +100,7 @@ class DistributedRun:
             children.start("web", "--connect", endpoint, "--port", str(o.web_port))
             wanted.add("web")
         await_present(session, children, wanted, self._stop)
-        self.summary.settings = _settings_in_force(session)
+        self.summary.in_force(_settings_in_force(session))
         credit = ["--await-consumers", CONSUMER, "--epoch", str(REPEATABLE_EPOCH)]
         self._capture = children.start(
             "capture", *o.capture_flags(), *common, *(credit if o.delivery == "lossless" else [])
@@ -187,9 +188,9 @@ class DistributedRun:
         self._failure = failure or children.failure_of("capture")
 
 
-def _settings_in_force(session: zenoh.Session) -> dict[str, object]:
+def _settings_in_force(session: zenoh.Session) -> dict[str, Any]:
     """What every service answers on its config key."""
-    found: dict[str, object] = {}
+    found: dict[str, Any] = {}
     for reply in session.get(keys.ALL_CONFIG, timeout=2.0):
         if reply.ok is not None:
             found |= json.loads(reply.ok.payload.to_bytes())

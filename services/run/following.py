@@ -10,6 +10,7 @@ from pathlib import Path
 
 from heel.schemas import FollowState, SimPerson, SimTruth
 from heel.services.loops.judge import acted_upon
+from heel.services.run.summary import Perception
 
 
 @dataclass
@@ -80,8 +81,16 @@ class FollowingTally:
             figures.wrong_s += passed_s
 
 
-def write_figures(figures: FollowingFigures, perception: str, folder: Path) -> None:
+def write_figures(
+    figures: FollowingFigures, perception: str, seen: Perception | None, folder: Path
+) -> None:
     """Write `following.json`, whole or not at all.
+
+    Args:
+        figures: of the run.
+        perception: pixels, or the simulator's own boxes.
+        seen: what found people in the pixels.
+        folder: to write into.
 
     Raises:
         OSError: the folder cannot be written to.
@@ -89,7 +98,8 @@ def write_figures(figures: FollowingFigures, perception: str, folder: Path) -> N
     whole = folder / f".following.json.{os.getpid()}"
     try:
         with whole.open("x", encoding="utf-8") as file:
-            file.write(json.dumps({"perception": perception, **asdict(figures)}, indent=2) + "\n")
+            told = {"perception": perception, "people": None if seen is None else asdict(seen)}
+            file.write(json.dumps({**told, **asdict(figures)}, indent=2) + "\n")
         whole.replace(folder / "following.json")
     except OSError:
         whole.unlink(missing_ok=True)

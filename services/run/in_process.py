@@ -32,7 +32,7 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
         if frames.source.is_live:
             raise HeelError(f"{frames.source.name}: --in-process takes recordings, not cameras")
         outputs = stack.enter_context(RunOutputs(options.out, summary, options.annotate))
-        pipeline, summary.settings = load_pipeline(
+        pipeline, settings = load_pipeline(
             options.preset,
             options.target,
             options.config,
@@ -40,6 +40,7 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
             options.model,
             options.model_class,
         )
+        summary.in_force(settings)
         progress = stack.enter_context(RunProgress(options.progress))
         process.spare_from_collection()
         started_s = time.monotonic()

@@ -21,7 +21,7 @@ class RunOptions:
     delivery: Literal["live", "lossless"] = "lossless"
     preset: Literal["default", "paper"] = "default"
     detector: str | None = None
-    model: Path | None = None
+    model: str | Path | None = None
     model_class: int | None = None
     annotate: bool = False
     target: Literal["none", "nearest"] = "nearest"

@@ -3,19 +3,59 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
 
+from heel.services.detector.settings import DetectorSettings
+from heel.services.models.store import identified
 from heel.services.runtime.logs import printable
 
 _CHAIN = ("detector", "tracker", "follower")
 _LIBRARIES = ("heel-follow", "eclipse-zenoh", "opencv-python-headless", "numpy", "scipy", "msgpack",
               "pydantic")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Perception:
+    """What figures rest on.
+
+    Attributes:
+        detector: which one ran.
+        model: name of its network, or its file where that is not known by name; None for none.
+        model_sha256: of that file, hexadecimal.
+        tracker: preset.
+    """
+
+    detector: str
+    model: str | None
+    model_sha256: str | None
+    tracker: str
+
+    @classmethod
+    def of(cls, detector: Mapping[str, Any], tracker: Mapping[str, Any]) -> Perception:
+        """By the settings in force of both."""
+        method = DetectorSettings.model_construct(None, **detector).method
+        preset = str(tracker.get("preset"))
+        file = detector.get("model")
+        if file is None or method != "onnx":
+            return cls(method, None, None, preset)
+        try:
+            name, digest = identified(Path(file))
+        except OSError:
+            return cls(method, file, None, preset)
+        return cls(method, name or file, digest, preset)
+
+    def __str__(self) -> str:
+        seen = f"detector {self.detector}"
+        if self.model is not None:
+            seen += f", network {self.model} (sha256 {(self.model_sha256 or 'unknown')[:12]})"
+        return f"{seen}, tracker preset {self.tracker}"
 
 
 @dataclass
@@ -36,6 +76,14 @@ class RunSummary:
     peak_rss_mb: dict[str, float] = field(default_factory=dict)
     ages_ms: dict[str, list[float]] = field(default_factory=dict)
     settings: dict[str, Any] = field(default_factory=dict)
+    perception: Perception | None = None
+    """What found and tracked people; None as long as it is not known."""
+
+    def in_force(self, settings: dict[str, Any]) -> None:
+        """Note the settings that the services say they have, by the name of their tables."""
+        self.settings = settings
+        if "detector" in settings and "tracker" in settings:
+            self.perception = Perception.of(settings["detector"], settings["tracker"])
 
     def age(self, hop: str, age_s: float) -> None:
         """Note how old a frame was when a hop's result was sent."""
@@ -68,6 +116,7 @@ class RunSummary:
             "cpu_s": {name: round(value, 3) for name, value in self.cpu_s.items()},
             "peak_rss_mb": {name: round(value, 1) for name, value in self.peak_rss_mb.items()},
             "versions": {name: _version(name) for name in _LIBRARIES},
+            "perception": None if self.perception is None else asdict(self.perception),
             "settings": self.settings,
         }  # fmt: skip
 
@@ -85,6 +134,8 @@ def print_summary(summary: RunSummary, where: str) -> None:
         f"{summary.captured} frames captured, {summary.detected} detected, {summary.tracked} "
         f"tracked in {summary.wall_s:.1f} s ({rate:.1f} frames/s); {printable(summary.ended)}"
     )
+    if summary.perception is not None:
+        console.print(printable(f"people by {summary.perception}"))
     lost = {name: count for name, count in summary.dropped().items() if count}
     if lost:
         console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in lost.items()))

@@ -1,14 +1,17 @@
 """Tracking and following from Python: the cores of `heel run` in your own process.
 
 No processes are started, no bus is joined, and no settings file or environment variable is read:
-what is not given as an argument has its default. The names here are those of `heel` itself.
+what is not given as an argument has its default; a network that `heel models get` has brought is
+used where none is given. The names here are those of `heel` itself.
 """
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from numbers import Real
 from pathlib import Path
 from types import TracebackType
@@ -35,7 +38,7 @@ from heel.services.capture.settings import CaptureSettings
 from heel.services.capture.source import FrameSource
 from heel.services.capture.sources import open_source
 from heel.services.capture.virtual_pan import PAN_PREFIX
-from heel.services.detector.settings import DetectorSettings
+from heel.services.detector.settings import DetectorSettings, with_network
 from heel.services.follower.settings import FollowerSettings
 from heel.services.pipeline import FollowingPipeline, InProcessPipeline, repeatable_id
 from heel.services.tracker.settings import TrackerSettings
@@ -59,6 +62,7 @@ TargetChoice = Literal["nearest", "imprint", "none"] | int | tuple[float, float]
 """
 
 
+_log = logging.getLogger(__name__)
 _Ages = Callable[[], tuple[float, float]]
 """Seconds since a frame was taken, and since the newest one that showed anything new was."""
 _S = TypeVar("_S", bound=BaseModel)
@@ -131,7 +135,8 @@ class Follower:
         Args:
             target: which person to follow; in place of `FollowerSettings.target`. A person or
                 point that is not there yet is chosen as soon as it is.
-            model: network that finds people, an ONNX file; None to find them by what moves.
+            model: network that finds people: a name of `heel models list`, an ONNX file, or
+                "none" to find them by what moves; None for one that `heel models get` has brought.
             detector: settings of the detector; None for the defaults.
             tracker: settings of the tracker.
             follower: settings of the follower.
@@ -230,7 +235,8 @@ class Tracker:
         """Start with nobody known.
 
         Args:
-            model: network that finds people, an ONNX file; None to find them by what moves.
+            model: network that finds people: a name of `heel models list`, an ONNX file, or
+                "none" to find them by what moves; None for one that `heel models get` has brought.
             detector: settings of the detector; None for the defaults.
             tracker: settings of the tracker.
 
@@ -369,7 +375,8 @@ def open(
             as `scene:crossing`.
         target: which person to follow; in place of `FollowerSettings.target`. A person or point
             that is not there yet is chosen as soon as it is.
-        model: network that finds people, an ONNX file; None to find them by what moves.
+        model: network that finds people: a name of `heel models list`, an ONNX file, or "none" to
+            find them by what moves; None for one that `heel models get` has brought.
         scale: factor for both sides of every frame, in (0, 1].
         fps: rate to use in place of the source's own, in (0, 240].
         detector: settings of the detector; None for the defaults.
@@ -517,8 +524,25 @@ def _settings(kind: type[_S], given: _S | None) -> _S:
 
 
 def _with_model(given: DetectorSettings | None, model: str | Path | None) -> DetectorSettings:
+    """The settings with the network that is given, or else with the one that is there.
+
+    Raises:
+        SettingsError: it cannot be used, or the settings do not go with it.
+    """
     settings = _settings(DetectorSettings, given)
-    return settings if model is None else _changed(settings, model=Path(model))
+    if model is not None:
+        return _changed(settings, model=model)
+    if "model" not in settings.model_fields_set:
+        asked = settings.model_dump(exclude_unset=True)
+        settings = DetectorSettings.model_validate(with_network(asked))
+    if settings.hint is not None:
+        _warn_once(settings.hint)
+    return settings
+
+
+@cache
+def _warn_once(text: str) -> None:
+    _log.warning("%s", text)
 
 
 def _changed(settings: _S, **values: object) -> _S:

@@ -6,7 +6,6 @@ stands on no page any more.
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import subprocess
@@ -24,7 +23,7 @@ from heel.services.pipeline import scene_truth
 from tests.integration.test_readme import free_port, run, started
 from tests.support import network
 from tests.support.documents import Block, blocks
-from tests.support.processes import REPOSITORY
+from tests.support.processes import REPOSITORY, inherited_environment
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -343,5 +342,5 @@ def test_what_takes_longer_is_run_too(tmp_path: Path, line: str) -> None:
 
 
 def _inherited() -> dict[str, str]:
-    clean = {name: value for name, value in os.environ.items() if not name.startswith("HEEL_")}
+    clean = inherited_environment()
     return {**clean, "PYTHONPATH": str(REPOSITORY)}

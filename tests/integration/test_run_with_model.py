@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from pathlib import Path
 
 import pytest
 
+from benchmarks.common import data_folder
+from heel.services.detector.settings import NO_NETWORK
+from heel.services.models.catalogue import KNOWN
 from tests.support.processes import finished
 from tests.unit.networks.drawn_networks import red_finder
 
@@ -36,6 +40,40 @@ def test_a_lossless_run_with_a_network_equals_the_cores_in_one_process(tmp_path:
         )
         assert here == there
     assert (tmp_path / "--lossless" / "tracks.txt").read_bytes(), "somebody in red is there"
+    digest = hashlib.sha256(Path(model).read_bytes()).hexdigest()
+    for how in ("--lossless", "--in-process"):
+        told = json.loads((tmp_path / how / "summary.json").read_text())["perception"]
+        assert told == {
+            "detector": "onnx", "model": model, "model_sha256": digest, "tracker": "default",
+        }  # fmt: skip
+
+
+def test_the_network_that_is_there_is_used_without_a_flag_and_named(tmp_path: Path) -> None:
+    models = data_folder() / "models"
+    if not (models / KNOWN["yolox-nano"].file).is_file():
+        pytest.skip("yolox-nano is not in the models of HEEL_DATA")
+    code, out, err = finished(
+        "-m", "heel", "run", SCENE, "--out", str(tmp_path), "--frames", "5",
+        deadline_s=DEADLINE_S, HEEL_MODELS=str(models),
+    )  # fmt: skip
+    assert code == 0, err
+    assert NO_NETWORK not in err
+    digest = KNOWN["yolox-nano"].sha256
+    assert f"people by detector onnx, network yolox-nano (sha256 {digest[:12]})" in out
+    told = json.loads((tmp_path / "summary.json").read_text())["perception"]
+    assert (told["model"], told["model_sha256"]) == ("yolox-nano", digest)
+
+
+def test_without_a_network_one_line_says_what_one_gives_and_how_to_get_it(tmp_path: Path) -> None:
+    code, out, err = heel("run", SCENE, "--out", str(tmp_path), "--frames", "5")
+    assert code == 0, err
+    assert err.count(NO_NETWORK) == 1
+    assert "people by detector auto, tracker preset default" in out
+    code, _, err = heel(
+        "run", SCENE, "--out", str(tmp_path), "--frames", "5", "--model", "none", "--in-process"
+    )
+    assert code == 0, err
+    assert NO_NETWORK not in err
 
 
 @pytest.mark.parametrize("how", ["--lossless", "--in-process"])

@@ -13,6 +13,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
+from heel.services.models.store import VARIABLE as MODELS
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 
@@ -61,13 +63,21 @@ def _content(file: IO[bytes]) -> str:
     return os.pread(file.fileno(), 1 << 20, 0).decode(errors="replace")
 
 
+def inherited_environment() -> dict[str, str]:
+    """Without Heel's variables but the one that keeps a developer's networks out."""
+    return {
+        key: value for key, value in os.environ.items()
+        if not key.startswith("HEEL_") or key == MODELS
+    }  # fmt: skip
+
+
 @contextmanager
 def running(*arguments: str, **environment: str) -> Iterator[Running]:
     """Run Python with `arguments` in the repository; killed with its children on the way out.
 
-    `HEEL_` variables of the caller are not passed on.
+    The environment is `inherited_environment`.
     """
-    inherited = {key: value for key, value in os.environ.items() if not key.startswith("HEEL_")}
+    inherited = inherited_environment()
     path = os.pathsep.join(filter(None, [str(REPOSITORY), inherited.get("PYTHONPATH")]))
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         process = subprocess.Popen(

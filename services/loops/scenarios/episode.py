@@ -11,7 +11,7 @@ from pathlib import Path
 from heel.evaluation.following.episode_scores import score_episode
 from heel.evaluation.following.log import EpisodeLog
 from heel.schemas.errors import HeelError
-from heel.services.detector.settings import DetectorServiceSettings, DetectorSettings
+from heel.services.detector.settings import DetectorSettings, NamedDetectorSettings
 from heel.services.drive.core import Drive
 from heel.services.drive.settings import DriveServiceSettings, DriveSettings
 from heel.services.follower.core import Follower
@@ -50,7 +50,7 @@ def load_stack(
     mode: Mode,
     file: Path | None,
     detector_name: str | None = None,
-    model: Path | None = None,
+    model: str | Path | None = None,
     model_class: int | None = None,
 ) -> StackSettings:
     """The settings as the processes would load them.
@@ -64,8 +64,9 @@ def load_stack(
         SettingsError: as `load_settings`.
     """
     flags = {"detector": detector_name, "model": model, "model_class": model_class}
-    detector: Loaded[DetectorServiceSettings] = load_settings(
-        "detector", DetectorServiceSettings, {"detector": flags}, file
+    # What is scored does not depend on which network happens to be there.
+    detector: Loaded[NamedDetectorSettings] = load_settings(
+        "detector", NamedDetectorSettings, {"detector": flags}, file
     )
     tracker: Loaded[TrackerServiceSettings] = load_settings(
         "tracker", TrackerServiceSettings, {}, file

@@ -77,9 +77,9 @@ def test_way_distance_gap_and_contacts_over_two_episodes() -> None:
 def test_the_file_is_whole_or_not_there(tmp_path: Path) -> None:
     tally = FollowingTally()
     tally.episode()
-    write_figures(tally.figures, "pixels", tmp_path)
+    write_figures(tally.figures, "pixels", None, tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["following.json"]
     written = json.loads((tmp_path / "following.json").read_text())
     assert (written["perception"], written["episodes"]) == ("pixels", 1)
     with pytest.raises(OSError, match="No such file"):
-        write_figures(tally.figures, "pixels", tmp_path / "none")
+        write_figures(tally.figures, "pixels", None, tmp_path / "none")
