@@ -34,6 +34,7 @@ from heel.services.detector.core import Detector
 from heel.services.detector.settings import DetectorServiceSettings, DetectorSettings
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerServiceSettings, FollowerSettings
+from heel.services.networks.names import HeadName
 from heel.services.runtime.settings import Loaded, load_settings
 from heel.services.tracker.core import configured
 from heel.services.tracker.settings import TrackerServiceSettings, TrackerSettings
@@ -167,6 +168,7 @@ def _camera_info(tracks: Tracks, camera: Mounting) -> CameraInfo:
 def load_pipeline(
     preset: str, target: str, file: Path | None, detector_name: str | None = None,
     model: str | Path | None = None, model_class: int | None = None,
+    model_head: HeadName | None = None,
 ) -> tuple[FollowingPipeline, dict[str, Any]]:  # fmt: skip
     """The cores with the settings that the processes would read, and those settings to show.
 
@@ -174,7 +176,7 @@ def load_pipeline(
         SettingsError: as `load_settings`.
     """
     flags = {"preset": preset, "detector": detector_name, "model": model,
-             "model_class": model_class}  # fmt: skip
+             "model_class": model_class, "model_head": model_head}  # fmt: skip
     detector: Loaded[DetectorServiceSettings] = load_settings(
         "detector", DetectorServiceSettings, {"detector": flags}, file
     )

@@ -18,7 +18,13 @@ import typer
 
 from heel.schemas.errors import HeelError, SettingsError
 from heel.services.commands.drawn_demo import play_scene, results_in
-from heel.services.commands.shared_options import PARENT_EXIT_S, Detector, Model, ModelClass
+from heel.services.commands.shared_options import (
+    PARENT_EXIT_S,
+    Detector,
+    Model,
+    ModelClass,
+    ModelHead,
+)
 from heel.services.run.folder import DEMO_PREFIX, ScratchFolder, sweep
 from heel.services.run.guard import guarded
 from heel.services.run.options import RunOptions
@@ -49,6 +55,7 @@ def demo(
     detector: Detector = None,
     model: Model = None,
     model_class: ModelClass = None,
+    model_head: ModelHead = None,
     scene: Annotated[
         bool, typer.Option("--scene", help="play the drawn scene of a standing camera instead")
     ] = False,
@@ -66,7 +73,7 @@ def demo(
         options = RunOptions(
             source="scene:demo" if scene else "", out=folder, delivery="live", loop=loop,
             seconds=seconds, web_port=port, on_page=on_page, detector=detector, model=model,
-            model_class=model_class,
+            model_class=model_class, model_head=model_head,
             target="nearest" if scene else "none",
         )  # fmt: skip
         if scene:

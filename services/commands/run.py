@@ -9,7 +9,14 @@ from typing import Annotated, Literal
 import typer
 
 from heel.schemas.errors import SettingsError
-from heel.services.commands.shared_options import PARENT_EXIT_S, Config, Detector, Model, ModelClass
+from heel.services.commands.shared_options import (
+    PARENT_EXIT_S,
+    Config,
+    Detector,
+    Model,
+    ModelClass,
+    ModelHead,
+)
 from heel.services.run.folder import STAGING_PREFIX, sweep
 from heel.services.run.guard import guarded
 from heel.services.run.options import RunOptions
@@ -50,7 +57,8 @@ _Web = Annotated[
 def run(
     source: _Source, out: _Out, lossless: _Lossless = None, in_process: _InProcess = False,
     preset: _Preset = "default", detector: Detector = None, model: Model = None,
-    model_class: ModelClass = None, annotate: _Annotate = False, target: _Target = "nearest",
+    model_class: ModelClass = None, model_head: ModelHead = None, annotate: _Annotate = False,
+    target: _Target = "nearest",
     scale: _Scale = 1.0, fps: _Fps = None, loop: _Loop = False, frames: _Frames = None,
     seconds: _Seconds = None, web: _Web = None, config: Config = None,
 ) -> None:  # fmt: skip
@@ -64,7 +72,7 @@ def run(
         )
     options = RunOptions(
         source=source, out=out, delivery="lossless" if lossless else "live", preset=preset,
-        detector=detector, model=model, model_class=model_class,
+        detector=detector, model=model, model_class=model_class, model_head=model_head,
         annotate=annotate, target=target, scale=scale, fps=fps, loop=loop, frames=frames,
         seconds=seconds, web_port=web, config=config, on_page=_print_page,
     )  # fmt: skip

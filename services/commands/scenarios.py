@@ -18,6 +18,7 @@ from heel.services.commands.shared_options import (
     Config,
     Detector,
     ModelClass,
+    ModelHead,
     NamedModel,
 )
 
@@ -82,7 +83,8 @@ _Video = Annotated[
 def scenarios(
     episodes: _Episodes = 42, seed: _Seed = 0, jobs: _Jobs = None, scenario: _Scenario = None,
     boxes: _Boxes = True, detector: Detector = None, model: NamedModel = None,
-    model_class: ModelClass = None, processes: _Processes = False, as_json: _Json = False,
+    model_class: ModelClass = None, model_head: ModelHead = None, processes: _Processes = False,
+    as_json: _Json = False,
     out: _Out = None, video: _Video = False, config: Config = None, postures: _Postures = False,
     ranges: _Ranges = True, calibrated: _Calibrated = True,
 ) -> None:  # fmt: skip
@@ -108,7 +110,7 @@ def scenarios(
     from heel.services.loops.scenarios.episode import load_stack
     from heel.services.loops.scenarios.perception import Senses
 
-    stack = load_stack(mode, config, detector, model, model_class)
+    stack = load_stack(mode, config, detector, model, model_class, model_head)
     stack = replace(stack, senses=Senses(ranges, calibrated))
     _run_cores(tasks, seed, stack, jobs, as_json, out)
 

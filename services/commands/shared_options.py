@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from heel.services.networks.names import HeadName
+
 PARENT_EXIT_S = 12.0
 """Longest orderly end of a run [s], in which its children are ended and their last messages taken;
 chosen by hand."""
@@ -33,6 +35,9 @@ NamedModel = Annotated[
 ModelClass = Annotated[
     int | None,
     typer.Option(help="its class that is a person, where the file names none", metavar="N"),
+]
+ModelHead = Annotated[
+    HeadName | None, typer.Option(help="what its output means, where the file does not tell")
 ]
 Config = Annotated[
     Path | None, typer.Option(help="settings file (TOML) for every service", metavar="FILE")

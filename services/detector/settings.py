@@ -10,7 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 from heel.schemas.errors import SettingsError
 from heel.services.detector.interface import checked_options
 from heel.services.models.store import ModelFile, with_network_there
-from heel.services.networks.engines import EngineName
+from heel.services.networks.names import EngineName, HeadName
 from heel.services.runtime.settings import ServiceSettings, split_list
 
 Preset = Literal["default", "paper"]
@@ -33,6 +33,7 @@ _LEARNED = ("auto", "mixture", "ego")
 _USED_BY: dict[str, tuple[str, ...]] = {
     "model": ("onnx",),
     "model_class": ("onnx",),
+    "model_head": ("onnx",),
     "model_engine": ("onnx",),
     "model_providers": ("onnx",),
     "model_threads": ("onnx",),
@@ -92,6 +93,11 @@ class DetectorSettings(BaseModel):
         default=None,
         description="onnx: number of the class that is a person, from 0, for a file that does not "
         "name its classes",
+    )
+    model_head: HeadName | None = Field(
+        default=None,
+        description="onnx: what the output of the network means, for a file of which nothing tells "
+        "it; messages name those that it can be",
     )
     model_engine: EngineName = Field(
         default="auto",

@@ -13,16 +13,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from threading import Timer
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas.errors import HeelError, SettingsError
+from heel.services.networks.names import EngineName
 
 Floats = NDArray[np.float32]
-EngineName = Literal["auto", "onnxruntime", "opencv"]
 _INSTALL = "pip install onnxruntime"
 _log = logging.getLogger("heel.networks")
 _CPU = "CPUExecutionProvider"

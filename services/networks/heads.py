@@ -5,23 +5,27 @@ successors), and a box, objectness and class scores. The latter is YOLOX's, with
 logarithmic size in a grid cell (Z. Ge et al., "YOLOX: Exceeding YOLO series in 2021") or decoded
 already; YOLOv6's, whose objectness is 1; and YOLOv5's and YOLOv7's, with three rows a cell. They
 want different pixels, so that none is taken for another.
+
+Networks that choose among their boxes themselves (YOLOv10, exports with non-maximum suppression)
+give a short list of them. Neither the order of its columns nor the pixels it wants can be told from
+it: the file's metadata says it, or the user.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas.errors import SettingsError
+from heel.services.networks.names import HeadName
 from heel.services.networks.onnx_file import OnnxFile
 
 Floats = NDArray[np.float32]
-HeadName = Literal["yolox", "yolox-decoded", "yolov8", "yolov6", "yolov5"]
 STRIDES = (8, 16, 32)
 """Input pixels per grid cell, of the three grids of a plain YOLO."""
 _GRIDS = (STRIDES, (*STRIDES, 64), (4, *STRIDES))
@@ -50,11 +54,15 @@ _ROUNDING = 1e-3
 _PEOPLE = {"person", "persons", "people", "pedestrian", "pedestrians", "human", "humans"}
 _NO_NAME = re.compile(r"(class|cls|c|label|object|item)?[ _-]?\d+")
 """What exporters write where they were given no names."""
+_MOST_CLASSES = 10_000
+"""Of a file without names; the largest detection data sets have 1,200."""
 _COCO = 80
 """Classes of the COCO data set; a person is the first."""
 _SHOWN = 12
 """Class names that an error message shows at most."""
-_READ = "YOLOX, YOLOv5 to YOLOv8, YOLO11 and YOLO12 are read"
+_LEAST_SURE_ROWS = 3
+"""Of a list of boxes: by fewer its columns are not judged."""
+_READ = "YOLOX, YOLOv5 to YOLOv10, YOLO11, YOLO12 and YOLO26 are read"
 
 
 @dataclass(frozen=True)
@@ -80,7 +88,31 @@ _TITLES: dict[HeadName, str] = {
     "yolov8": "YOLOv8 and alike",
     "yolov6": "YOLOv6",
     "yolov5": "YOLOv5 or YOLOv7",
+    "yolov10": "YOLOv10, YOLO26 or an export with non-maximum suppression",
+    "yolov7-nms": "YOLOv7 with non-maximum suppression",
+    "yolox-nms": "YOLOX with non-maximum suppression",
 }
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Where in a list of boxes what stands."""
+
+    count: int
+    corners: int
+    score: int
+    number: int
+    said: str
+
+
+_LISTS: dict[HeadName, _Columns] = {
+    "yolov10": _Columns(6, 0, 4, 5, "x1 y1 x2 y2 score class, pixels RGB 0 to 1"),
+    "yolov7-nms": _Columns(7, 1, 6, 5, "batch x1 y1 x2 y2 class score, pixels RGB 0 to 1"),
+    "yolox-nms": _Columns(7, 3, 2, 1, "batch class score x1 y1 x2 y2, pixels BGR 0 to 255"),
+}
+"""Of networks that choose among their boxes: THU-MIG's and Ultralytics', WongKinYiu's end2end, and
+PINTO0309's conversions."""
+_WITH_OBJECTNESS = ("yolox", "yolox-decoded", "yolov6", "yolov5")
 
 
 @dataclass(frozen=True)
@@ -92,7 +124,7 @@ class Head:
         output: name of the output that holds the boxes.
         turned: (1, columns, N) instead of (1, N, columns).
         unit_boxes: positions are shares of the picture's sides.
-        people: columns of the class scores that are people.
+        people: columns of the class scores that are people; of a list of boxes their classes.
         why: why those, in words.
     """
 
@@ -106,7 +138,12 @@ class Head:
     @property
     def form(self) -> InputForm:
         """How it wants its pixels."""
-        return BYTES_BGR if self.name in ("yolox", "yolox-decoded") else UNIT_RGB
+        return BYTES_BGR if self.name.startswith("yolox") else UNIT_RGB
+
+    @property
+    def is_list(self) -> bool:
+        """Whether the network has chosen among its boxes: it gives as many as it likes."""
+        return self.name in _LISTS
 
     @property
     def title(self) -> str:
@@ -120,44 +157,176 @@ def cells(width: int, height: int, strides: Sequence[int] = STRIDES) -> int:
 
 
 def recognise(
-    file: OnnxFile, probes: Sequence[Mapping[str, Floats]], chosen_class: int | None = None
-) -> Head:
+    file: OnnxFile, probes: Sequence[Mapping[str, Floats]], chosen_class: int | None = None,
+    chosen_head: HeadName | None = None,
+) -> Head:  # fmt: skip
     """Which head made the outputs of some probes.
 
     Args:
         file: what the file says of itself.
         probes: outputs by name, for pictures that show nobody.
         chosen_class: class that the user says is a person.
+        chosen_head: head that the user says it is; its outputs must have the form of it.
 
     Raises:
-        SettingsError: none that is read, or nothing tells what its classes are.
+        SettingsError: none that is read, or nothing tells which or what its classes are.
     """
     shapes = {name: output.shape for name, output in probes[0].items()}
     if file.task in ("classify", "obb"):
         kind = "a classifier: it finds no boxes" if file.task == "classify" else "turned boxes"
         raise SettingsError(f"a network for {kind}; {_READ}")
+    if (found := _list_of_boxes(file, shapes, chosen_head)) is not None:
+        return _recognise_list(file, [probe[found] for probe in probes], found, chosen_class,
+                               chosen_head)  # fmt: skip
     name, turned = _output_with_boxes(file, shapes)
     tables = [_rows(probe[name], turned) for probe in probes]
     rows = len(tables[0])
     masks = any(len(shape) == 4 and shape[1] == _MASKS for shape in shapes.values())
     anchors = rows == _ANCHORS * cells(file.width, file.height)
     decoded = _is_decoded(tables, file.width, file.height)
-    objectness, classes = _layout(file, tables, turned, anchors, decoded, masks)
-    kind = _kind(tables, objectness, anchors, decoded)
+    if chosen_head is None:
+        objectness, classes = _layout(file, tables, turned, anchors, decoded, masks)
+        kind_of = _kind(tables, objectness, anchors, decoded)
+    else:
+        objectness, kind_of = chosen_head in _WITH_OBJECTNESS, chosen_head
+        classes = _classes(file, tables[0].shape[1], objectness, masks)
+        _check_chosen(chosen_head, rows, file)
     first = 5 if objectness else 4
     _check_scores(tables, first - objectness, first + classes)
+    people_of = _people_of(kind_of, file, classes, chosen_class)
+    most = max(float(np.abs(table[:, :2]).max()) for table in tables)
+    unit_boxes = kind_of != "yolox" and 0.0 < most <= _UNIT_LIMIT
+    columns = tuple(first + column for column in people_of.columns)
+    return Head(kind_of, name, turned, unit_boxes, columns, people_of.why)
+
+
+def _people_of(
+    kind: HeadName, file: OnnxFile, classes: int | None, chosen: int | None
+) -> PersonClasses:
     try:
-        found = person_classes(file.class_names, classes, chosen_class)
+        return person_classes(file.class_names, classes, chosen)
     except SettingsError as error:
         raise SettingsError(f"head of {_TITLES[kind]}: {error}") from None
-    most = max(float(np.abs(table[:, :2]).max()) for table in tables)
-    unit_boxes = kind != "yolox" and 0.0 < most <= _UNIT_LIMIT
-    columns_of_people = tuple(first + column for column in found.columns)
-    return Head(kind, name, turned, unit_boxes, columns_of_people, found.why)
+
+
+def _check_chosen(chosen: HeadName, rows: int, file: OnnxFile) -> None:
+    """Of heads that are a grid of cells, the number of rows must be theirs."""
+    count = cells(file.width, file.height)
+    wanted = {"yolox": count, "yolov5": _ANCHORS * count}.get(chosen, rows)
+    if rows != wanted:
+        raise SettingsError(
+            f"--model-head {chosen}: {rows} rows instead of the {wanted} of an input of "
+            f"{file.width}x{file.height}: leave it out, or name another head"
+        )
+
+
+def _classes(file: OnnxFile, columns: int, objectness: bool, masks: bool) -> int:
+    """Number of classes of a head that the user has named."""
+    left = columns - 4 - objectness - (_MASKS if masks else 0)
+    named = left if file.class_names is None else len(file.class_names)
+    if named != left or left < 1:
+        raise SettingsError(
+            f"--model-head: {columns} columns do not fit it and the {named} class names in the "
+            "file: leave it out, or name another head"
+        )
+    return left
+
+
+def _list_of_boxes(
+    file: OnnxFile, shapes: Mapping[str, tuple[int, ...]], chosen: HeadName | None
+) -> str | None:
+    """The output that is a list of boxes, with no row for each cell; None where none is."""
+    if chosen is not None and chosen not in _LISTS:
+        return None
+    counts = {cells(file.width, file.height, strides) for strides in _GRIDS}
+    counts.add(_ANCHORS * cells(file.width, file.height))
+    flat = {name: shape for name, shape in shapes.items() if len(shape) != 4 or shape[1] == 1}
+    if len(flat) != 1:
+        return None
+    ((name, shape),) = flat.items()
+    if len(shape) < 2:
+        return None
+    columns = {one.count for one in _LISTS.values()}
+    if file.task in ("segment", "pose"):
+        columns = {shape[-1]} if shape[-1] > _LISTS["yolov10"].count else set()
+    is_list = math.prod(shape[:-2]) == 1 and shape[-1] in columns
+    if is_list and (chosen is not None or not counts & set(shape)):
+        return name
+    if chosen is not None:
+        raise SettingsError(
+            f"--model-head {chosen}: an output of {'x'.join(map(str, shape))} is no list of "
+            f"{_LISTS[chosen].count} columns ({_LISTS[chosen].said}): leave it out, or name "
+            "another head"
+        )
+    return None
+
+
+def _recognise_list(
+    file: OnnxFile, outputs: Sequence[Floats], name: str, chosen_class: int | None,
+    chosen: HeadName | None,
+) -> Head:  # fmt: skip
+    tables = [output.reshape(-1, output.shape[-1]) for output in outputs]
+    columns = tables[0].shape[1]
+    by_metadata = file.task != "" and file.class_names is not None
+    kind = chosen or ("yolov10" if by_metadata else None)
+    fitting = [one for one in _LISTS if _fits(tables, one, file)]
+    if kind is None:
+        offered = fitting or [one for one in _LISTS if _LISTS[one].count == columns]
+        said = ", ".join(f"{one} ({_LISTS[one].said})" for one in offered)
+        raise SettingsError(
+            f"a list of boxes with {columns} columns, whose order and pixels the file does not "
+            f"tell: say it with --model-head, which is one of {said}; or export it without "
+            "non-maximum suppression"
+        )
+    if kind not in fitting:
+        raise SettingsError(
+            f"a list of boxes, but its {columns} columns are not those of {kind} "
+            f"({_LISTS[kind].said}): name another with --model-head, or export it without "
+            "non-maximum suppression"
+        )
+    people_of = _people_of(kind, file, None, chosen_class)
+    corners = _corners(_filled(np.concatenate(tables)), kind)
+    unit_boxes = len(corners) > 0 and float(np.abs(corners).max()) <= _UNIT_LIMIT
+    return Head(kind, name, False, unit_boxes, people_of.columns, people_of.why)
+
+
+def _fits(tables: Sequence[Floats], kind: HeadName, file: OnnxFile) -> bool:
+    """Whether what stands in the rows can be what it should be; of few rows it is believed."""
+    columns = _LISTS[kind]
+    rows = np.concatenate(tables)
+    if rows.shape[1] < columns.count or (file.task == "" and rows.shape[1] != columns.count):
+        return False
+    rows = _filled(rows)
+    if len(rows) < _LEAST_SURE_ROWS:
+        return True
+    numbers, corners = rows[:, columns.number], _corners(rows, kind)
+    most = len(file.class_names) if file.class_names is not None else _MOST_CLASSES
+    counted = (np.abs(numbers - np.round(numbers)) <= _ROUNDING) & (numbers > -0.5)
+    return bool(
+        np.isfinite(rows[:, : columns.count]).all()
+        and _unit(rows[:, columns.score])
+        and (counted & (numbers < most - 0.5)).all()
+        and (corners[:, 2:] >= corners[:, :2]).all()
+        and (columns.corners == 0 or (rows[:, 0] == 0.0).all())
+    )
+
+
+def _filled(rows: Floats) -> Floats:
+    """Without the rows that fill a list up: all the same number."""
+    filled: Floats = rows[(rows != rows[:, :1]).any(axis=1)]
+    return filled
+
+
+def _corners(rows: Floats, kind: HeadName) -> Floats:
+    first = _LISTS[kind].corners
+    corners: Floats = rows[:, first : first + 4]
+    return corners
 
 
 def people(output: Floats, head: Head, width: int, height: int) -> tuple[Floats, Floats]:
     """Boxes (N, 4) xyxy in input pixels and scores (N,) in [0, 1] of the people's classes."""
+    if head.is_list:
+        return _listed_people(output, head, width, height)
     rows = _rows(output, head.turned)
     centre, size = rows[:, :2], rows[:, 2:4]
     if head.name == "yolox":
@@ -171,6 +340,22 @@ def people(output: Floats, head: Head, width: int, height: int) -> tuple[Floats,
         scores = scores * rows[:, 4]
     boxes = np.concatenate([centre - 0.5 * size, centre + 0.5 * size], axis=1)
     return boxes.astype(np.float32), scores.astype(np.float32)
+
+
+def listed_scores(output: Floats, head: Head) -> Floats:
+    """Scores (N,) of all boxes of a network that has chosen among them, of any class."""
+    scores: Floats = output.reshape(-1, output.shape[-1])[:, _LISTS[head.name].score]
+    return scores
+
+
+def _listed_people(
+    output: Floats, head: Head, width: int, height: int
+) -> tuple[Floats, Floats]:  # fmt: skip
+    rows = output.reshape(-1, output.shape[-1])
+    columns = _LISTS[head.name]
+    rows = rows[np.isin(np.round(rows[:, columns.number]), head.people)]
+    sides = np.array([width, height] * 2, np.float32) if head.unit_boxes else np.float32(1.0)
+    return _corners(rows, head.name) * sides, rows[:, columns.score]
 
 
 def _rows(output: Floats, turned: bool) -> Floats:
@@ -228,7 +413,8 @@ def _layout(
     raise SettingsError(
         f"nothing tells whether its {columns} columns are YOLOX's (objectness and {columns - 5} "
         f"classes) or YOLOv8's, transposed ({columns - 4} classes): export YOLOX without "
-        "--decode_in_inference, or YOLOv8 with its metadata"
+        "--decode_in_inference, or YOLOv8 with its metadata, or say --model-head yolox-decoded or "
+        "--model-head yolov8"
     )
 
 
@@ -300,12 +486,6 @@ def _refusal(file: OnnxFile, shapes: list[tuple[int, ...]]) -> str:
             f"{what} looks like YOLO-NAS, PP-YOLOE or DAMO-YOLO (boxes and scores apart), which is "
             f"not read; {_READ}"
         )
-    if len(shapes) == 1 and flat and flat[0][2] in (6, 7) and flat[0][1] != count:
-        return (
-            f"{what} looks like boxes after non-maximum suppression (YOLOv10, YOLO26, an export "
-            "with NMS): export the network without its own non-maximum suppression (nms=False, "
-            f"end2end=False); {_READ}"
-        )
     if flat and flat[0][1] in (100, 300, 900):
         return f"{what} looks like RT-DETR or DETR, which is not read; {_READ}"
     if flat and flat[0][1] in {cells(file.width, file.height, strides) for strides in _GRIDS}:
@@ -357,13 +537,13 @@ class PersonClasses:
 
 
 def person_classes(
-    names: tuple[str, ...] | None, count: int, chosen: int | None
+    names: tuple[str, ...] | None, count: int | None, chosen: int | None
 ) -> PersonClasses:  # fmt: skip
     """The classes to look at.
 
     Args:
         names: what the file calls its classes, None where it does not say.
-        count: of classes.
+        count: of classes, None where only the names tell.
         chosen: what the user says, None for nothing.
 
     Raises:
@@ -386,10 +566,17 @@ def person_classes(
             "people"
         )
     found = ", ".join(f"{column} ({names[column][:40]})" for column in columns)
-    return PersonClasses(columns, f"class {found} of {count}, by the names in the file")
+    return PersonClasses(columns, f"class {found} of {len(names)}, by the names in the file")
 
 
-def _without_names(count: int, chosen: int | None) -> PersonClasses:
+def _without_names(count: int | None, chosen: int | None) -> PersonClasses:
+    if count is None:
+        if chosen is None:
+            raise SettingsError(
+                "the file does not name its classes: say which one is a person with "
+                "--model-class N, from 0"
+            )
+        return PersonClasses((chosen,), f"class {chosen}, as --model-class says")
     if chosen is not None:
         if chosen >= count:
             raise SettingsError(f"--model-class {chosen}: it has {count} classes, 0 to {count - 1}")

@@ -16,16 +16,18 @@ from numpy.typing import NDArray
 
 from heel.schemas.errors import HeelError, SettingsError
 from heel.services.geometry.boxes import clipped
-from heel.services.networks.engines import EngineName, OnnxRuntime, onnxruntime, open_engine
+from heel.services.networks.engines import OnnxRuntime, onnxruntime, open_engine
 from heel.services.networks.heads import (
     BYTES_BGR,
     UNIT_RGB,
     Floats,
-    HeadName,
+    Head,
     InputForm,
+    listed_scores,
     people,
     recognise,
 )
+from heel.services.networks.names import EngineName, HeadName
 from heel.services.networks.onnx_file import OnnxFile, read_onnx_file
 
 _MOST_MEMORY_BYTES = 4 << 30
@@ -34,6 +36,11 @@ _LONGEST_PROBE_S = 30.0
 """Of one picture at loading: the file is damaged or hostile then; chosen by hand."""
 _TOLERANCE = 1e-3
 """Between engines, as a share of an output: they add in different orders."""
+_LIST_TOLERANCE = 1e-2
+"""The same of the scores of a list in their order, from which a box may be missing."""
+_LIST_LENGTH_SHARE = 0.1
+"""Of its length by which a list may be longer from one engine than from another, beside one box;
+chosen by hand."""
 _OVERLAP = 0.45
 """Of two boxes that overlap more than this (IoU), the weaker one goes."""
 PAD_GREY = 114
@@ -91,14 +98,15 @@ class PersonModel:
     """
 
     def __init__(
-        self, file: Path, person_class: int | None = None, *, engine: EngineName = "auto",
-        providers: Sequence[str] = (), threads: int = 1,
+        self, file: Path, person_class: int | None = None, *, head: HeadName | None = None,
+        engine: EngineName = "auto", providers: Sequence[str] = (), threads: int = 1,
     ) -> None:  # fmt: skip
         """Load the network and try it.
 
         Args:
             file: ONNX.
             person_class: which class is a person, where the file does not name its classes.
+            head: what its output means, where the file does not tell.
             engine: what runs it; `auto` is onnxruntime where it is installed, else OpenCV.
             providers: of onnxruntime, for processors of other kinds.
             threads: of onnxruntime.
@@ -114,7 +122,7 @@ class PersonModel:
             with bounded_memory(_MOST_MEMORY_BYTES):
                 self._engine = open_engine(told.network, engine, providers, threads)
                 probes = [self._all(probe, form, told.outputs) for probe, form in self._probes()]
-                self._head = recognise(told, probes, person_class)
+                self._head = recognise(told, probes, person_class, head)
                 self._check(told, probes)
         except MemoryError:
             raise SettingsError(
@@ -184,7 +192,11 @@ class PersonModel:
         name = self._head.output
         for (pixels, form), probe in zip(self._probes(), probes, strict=True):
             right = _layer_by_layer(told, _blob(pixels, form), name)
-            if (off := _difference(probe[name], right)) > _TOLERANCE:
+            if self._head.is_list:
+                off, most = _difference_of_lists(probe[name], right, self._head), _LIST_TOLERANCE
+            else:
+                off, most = _difference(probe[name], right), _TOLERANCE
+            if off > most:
                 raise SettingsError(
                     f"{self._engine.name} computes it wrongly, by {off:.2g} of its largest output: "
                     "choose model_engine onnxruntime without model_providers, or another network"
@@ -204,6 +216,15 @@ def _layer_by_layer(told: OnnxFile, blob: Floats, output: str) -> Floats:
         # Padding of its own in a layer with dilation, for one: it is run with it written out.
         plain = OnnxRuntime(told.network, optimised=False)
         return plain.run(blob, [output], _LONGEST_PROBE_S)[0]
+
+
+def _difference_of_lists(found: Floats, right: Floats, head: Head) -> float:
+    """Largest difference of scores in their order; a last digit may decide which boxes are left."""
+    ours, theirs = (np.sort(listed_scores(one, head))[::-1] for one in (found, right))
+    shared = min(len(ours), len(theirs))
+    if abs(len(ours) - len(theirs)) > 1 + _LIST_LENGTH_SHARE * shared:
+        return math.inf
+    return _difference(ours[:shared], theirs[:shared])
 
 
 def _difference(found: Floats, right: Floats) -> float:

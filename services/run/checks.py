@@ -56,6 +56,6 @@ def check_settings(options: RunOptions) -> Perception:
     """
     _, shown = load_pipeline(
         options.preset, options.target, options.config, options.detector, options.model,
-        options.model_class,
+        options.model_class, options.model_head,
     )  # fmt: skip
     return Perception.of(shown["detector"], shown["tracker"])

@@ -39,6 +39,7 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
             options.detector,
             options.model,
             options.model_class,
+            options.model_head,
         )
         summary.in_force(settings)
         progress = stack.enter_context(RunProgress(options.progress))

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from heel.services.networks.names import HeadName
+
 
 @dataclass(frozen=True)
 class RunOptions:
@@ -23,6 +25,7 @@ class RunOptions:
     detector: str | None = None
     model: str | Path | None = None
     model_class: int | None = None
+    model_head: HeadName | None = None
     annotate: bool = False
     target: Literal["none", "nearest"] = "nearest"
     scale: float = 1.0
@@ -42,6 +45,7 @@ class RunOptions:
         flags += ["--detector", self.detector] if self.detector is not None else []
         flags += ["--model", str(self.model)] if self.model is not None else []
         flags += ["--model-class", str(self.model_class)] if self.model_class is not None else []
+        flags += ["--model-head", self.model_head] if self.model_head is not None else []
         return flags
 
     def capture_flags(self) -> list[str]:

@@ -64,8 +64,9 @@ class NeuralDetector:
         if settings.model is None:
             raise SettingsError("detector onnx needs --model FILE: an ONNX network, see the README")
         self._model = PersonModel(
-            Path(settings.model), settings.model_class, engine=settings.model_engine,
-            providers=settings.model_providers, threads=settings.model_threads,
+            Path(settings.model), settings.model_class, head=settings.model_head,
+            engine=settings.model_engine, providers=settings.model_providers,
+            threads=settings.model_threads,
         )  # fmt: skip
         _log.info("network %s: %s", settings.model, self._model.description)
         if (doubt := doubtful(Path(settings.model))) is not None:

@@ -21,6 +21,7 @@ from heel.services.loops.scenarios.parallel import EpisodeTask
 from heel.services.loops.scenarios.perception import EVERYTHING, Perception, Senses, SimulatedBoxes
 from heel.services.loops.scenarios.picture import draw_episode
 from heel.services.loops.scenarios.results import EpisodeResult, Mode
+from heel.services.networks.names import HeadName
 from heel.services.runtime.settings import Loaded, load_settings
 from heel.services.simulator.robot import RobotBody
 from heel.services.simulator.scenarios import scenario
@@ -52,18 +53,20 @@ def load_stack(
     detector_name: str | None = None,
     model: str | Path | None = None,
     model_class: int | None = None,
+    model_head: HeadName | None = None,
 ) -> StackSettings:
     """The settings as the processes would load them.
 
     Args:
         mode: what stands for the camera.
         file: settings file of the services.
-        detector_name, model, model_class: of the detector, before what the file says.
+        detector_name, model, model_class, model_head: of the detector, before what the file says.
 
     Raises:
         SettingsError: as `load_settings`.
     """
-    flags = {"detector": detector_name, "model": model, "model_class": model_class}
+    flags = {"detector": detector_name, "model": model, "model_class": model_class,
+             "model_head": model_head}  # fmt: skip
     # What is scored does not depend on which network happens to be there.
     detector: Loaded[NamedDetectorSettings] = load_settings(
         "detector", NamedDetectorSettings, {"detector": flags}, file

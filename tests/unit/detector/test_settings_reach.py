@@ -51,7 +51,7 @@ REFUSED: dict[str, set[str]] = {
 """The methods that have no use for a setting."""
 OF_THE_METHOD = {
     "preset", "detector", "options", "model", "model_class",
-    "model_engine", "model_providers", "model_threads",
+    "model_head", "model_engine", "model_providers", "model_threads",
 }  # fmt: skip
 """Settings that choose a method or are its own; tests of their own look at them."""
 FRAMES = 36

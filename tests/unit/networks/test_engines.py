@@ -13,7 +13,8 @@ import pytest
 
 from heel.schemas import SettingsError
 from heel.services.networks import engines, person_model
-from heel.services.networks.engines import EngineName, OpenCv, open_engine
+from heel.services.networks.engines import OpenCv, open_engine
+from heel.services.networks.names import EngineName
 from heel.services.networks.onnx_file import read_onnx_file
 from heel.services.networks.person_model import PersonModel
 from tests.unit.networks.drawn_networks import SIDE, picture, red_finder, saved

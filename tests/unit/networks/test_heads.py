@@ -10,6 +10,7 @@ import pytest
 
 from heel.schemas import SettingsError
 from heel.services.networks.heads import Head, cells, people, recognise
+from heel.services.networks.names import HeadName
 from heel.services.networks.onnx_file import OnnxFile
 
 SIDE = 96
@@ -213,7 +214,8 @@ def nanodet() -> Table:
         pytest.param([zeros(1, 3 * CELLS, 1, 4), zeros(1, 3 * CELLS, 80)], "none that is read",
                      id="yolov4"),
         pytest.param([nanodet()], "NanoDet", id="nanodet"),
-        pytest.param([zeros(1, 300, 6)], "its own non-maximum suppression", id="yolov10"),
+        pytest.param([zeros(1, 300, 6)], "order and pixels.*--model-head.*yolov10", id="yolov10"),
+        pytest.param([zeros(0, 7)], "--model-head.*yolov7-nms.*yolox-nms", id="nms"),
         pytest.param([zeros(1, 300, 84)], "RT-DETR", id="rt-detr"),
         pytest.param([zeros(1, 300, 4), zeros(1, 300, 80)], "boxes and scores apart", id="detr"),
         pytest.param([zeros(1, 1000)], "a classifier", id="classifier"),
@@ -229,8 +231,99 @@ def test_what_is_not_read_is_refused_by_name_with_what_to_do(
     with pytest.raises(SettingsError, match=message) as refused:
         recognise(file(), [probe, probe])
     assert "\n" not in str(refused.value)
-    if "alone" not in message:
+    if "alone" not in message and "--model-head" not in message:
         assert "YOLOX" in str(refused.value), "what is read is named"
+
+
+def listed(kind: str, *more: tuple[float, ...]) -> Table:
+    """A list of boxes: a person, others, and rows that fill it up."""
+    rows = [
+        (*CORNERS, 0.9, 0),
+        (7.0, 38.0, 41.0, 62.0, 0.95, 2),
+        (1.0, 2.0, 9.0, 20.0, 0.02, 0),
+        *more,
+    ]
+    table = np.array(rows, np.float32)
+    if kind == "yolov10":
+        return np.concatenate([table, np.zeros((5, 6), np.float32)])
+    batch = np.zeros((len(table), 1), np.float32)
+    if kind == "yolov7-nms":
+        return np.concatenate([batch, table[:, :4], table[:, 5:], table[:, 4:5]], axis=1)
+    return np.concatenate([batch, table[:, 5:], table[:, 4:5], table[:, :4]], axis=1)
+
+
+LISTS: list[HeadName] = ["yolov10", "yolov7-nms", "yolox-nms"]
+
+
+@pytest.mark.parametrize("kind", LISTS)
+@pytest.mark.parametrize("many", [True, False])
+def test_a_list_of_boxes_is_read_as_the_user_says(kind: HeadName, many: bool) -> None:
+    table = listed(kind)
+    probe = {"out": table[None] if many else table}
+    head = recognise(file(COCO), [probe, probe], None, kind)
+    assert (head.name, head.form.rgb) == (kind, kind != "yolox-nms")
+    boxes_of, scores = people(probe["out"], head, SIDE, SIDE)
+    assert boxes_of[scores > 0.5].tolist() == [pytest.approx(CORNERS)]
+
+
+def test_ultralytics_says_of_itself_how_its_list_is_arranged() -> None:
+    told = file(COCO, "detect")
+    for table in (listed("yolov10"), np.zeros((300, 6), np.float32)):
+        probe = {"out": table[None]}
+        assert recognise(told, [probe, probe]).name == "yolov10"
+    masks = np.concatenate([listed("yolov10"), zeros(8, 32)], axis=1)
+    probe = {"out": masks[None], "masks": zeros(1, 32, 24, 24)}
+    head = recognise(file(COCO, "segment"), [probe, probe])
+    assert people(masks[None], head, SIDE, SIDE)[1].tolist()[0] == pytest.approx(0.9)
+
+
+def test_shares_of_the_picture_in_a_list_become_pixels() -> None:
+    table = listed("yolov10")
+    table[:, :4] /= SIDE
+    probe = {"out": table[None]}
+    head = recognise(file(COCO), [probe, probe], None, "yolov10")
+    assert people(table[None], head, SIDE, SIDE)[0][0] == pytest.approx(CORNERS, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("made", "said", "message"),
+    [
+        ("yolov7-nms", None, r"--model-head, which is one of yolov7-nms \("),
+        ("yolox-nms", None, r"--model-head, which is one of yolox-nms \("),
+        ("yolov7-nms", "yolox-nms", "its 7 columns are not those of yolox-nms"),
+        ("yolov10", "yolov7-nms", "no list of 7 columns|not those of yolov7-nms"),
+        ("yolov10", "yolox", "none that is read"),
+    ],
+)
+def test_a_list_is_never_read_another_way(
+    made: str, said: HeadName | None, message: str
+) -> None:  # fmt: skip
+    probe = {"out": listed(made)[None]}
+    with pytest.raises(SettingsError, match=message):
+        recognise(file(COCO), [probe, probe], None, said)
+
+
+def test_without_names_a_list_does_not_tell_its_people() -> None:
+    probe = {"out": listed("yolov10")[None]}
+    with pytest.raises(SettingsError, match="which one is a person with --model-class N"):
+        recognise(file(), [probe, probe], None, "yolov10")
+    head = recognise(file(), [probe, probe], 2, "yolov10")
+    assert people(probe["out"], head, SIDE, SIDE)[1] == pytest.approx([0.95])
+
+
+def test_what_cannot_be_told_apart_is_read_as_the_user_says() -> None:
+    blank = boxes(9)
+    with pytest.raises(SettingsError, match="--model-head yolox-decoded or --model-head yolov8"):
+        recognised(blank)
+    probe = {"out": blank[None]}
+    yolox = recognise(file(), [probe, probe], 1, "yolox-decoded")
+    assert (yolox.people, yolox.form.rgb) == ((6,), False)
+    yolov8 = recognise(file(), [probe, probe], 1, "yolov8")
+    assert (yolov8.people, yolov8.form.rgb) == ((5,), True)
+    with pytest.raises(SettingsError, match=r"--model-head yolov5: .* rows instead of"):
+        recognise(file(), [probe, probe], 1, "yolov5")
+    with pytest.raises(SettingsError, match="9 columns do not fit it and the 80 class names"):
+        recognise(file(COCO), [probe, probe], None, "yolov8")
 
 
 def test_scores_that_are_no_probabilities_are_refused() -> None:

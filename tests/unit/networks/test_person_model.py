@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from heel.schemas import SettingsError
-from heel.services.networks.heads import Head, HeadName, cells, people
+from heel.services.networks.heads import Head, cells, people
+from heel.services.networks.names import HeadName
 from heel.services.networks.person_model import PersonModel, without_doubles
 from tests.unit.networks.drawn_networks import BOX, SIDE, Kind, picture, red_finder, saved
 
