@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import importlib.machinery
 import multiprocessing
 import os
@@ -30,6 +31,10 @@ from heel.services.runtime.process import PARENT_VARIABLE, die_with_parent
 Outcome = Literal["caught", "too slow", "survived", "no test runs it"]
 _STOP_S = 5.0
 """Between a polite and a hard end of a run that takes too long; chosen by hand."""
+_BELOW = ("heel.schemas", "heel.services.geometry", "heel.services.runtime")
+"""Layers that import no room: they stay as they are while constants of rooms change."""
+_NO_RESULT = (pytest.ExitCode.INTERNAL_ERROR, pytest.ExitCode.USAGE_ERROR,
+              pytest.ExitCode.NO_TESTS_COLLECTED)  # fmt: skip
 _PATIENCE, _START_S = 5.0, 30.0
 
 
@@ -43,14 +48,21 @@ class Result:
 
 
 def prepare_worker() -> None:
-    """First in each process that runs mutants: several of them share the processor."""
+    """First in each process that runs mutants: several of them share the processor.
+
+    What lies below all rooms is imported here rather than in every fork.
+    """
     cv2.setNumThreads(1)
+    for package in _BELOW:
+        importlib.import_module(package)
+    importlib.import_module("heel.services.runtime.service")
 
 
 class Runner:
     """Runs unit tests of a repository, each time in a fork of this process.
 
-    The fork imports Heel anew, with one module changed in memory: nothing is written to the tree.
+    The fork imports the services anew, with one module changed in memory: nothing is written to the
+    tree.
     """
 
     def __init__(self, root: Path, folders: Sequence[str]) -> None:
@@ -105,6 +117,8 @@ class Runner:
 
         with tempfile.TemporaryDirectory(prefix="heel-mutants-") as scratch:
             code = _forked(run, _PATIENCE * seconds + _START_S, Path(scratch))
+        if code in _NO_RESULT:
+            raise HeelError(f"{mutant}: pytest ended with {code}, which says nothing of the change")
         outcome: Outcome = "survived" if code == 0 else "too slow" if code is None else "caught"
         return Result(mutant, outcome, len(tests))
 
@@ -181,6 +195,13 @@ def _forked(work: Callable[[], int], timeout_s: float, scratch: Path) -> int | N
         _end(process)
 
 
+def _is_anew(name: str) -> bool:
+    """Whether a module is imported again in a fork: what may be changed, or imports what may be."""
+    if name.partition(".")[0] == "tests":
+        return True
+    return name.startswith("heel.") and not name.startswith(_BELOW)
+
+
 def _alone(work: Callable[[], int], scratch: Path) -> None:
     """Never returns: a process group of its own, silent, with its temporary files in one place."""
     code = 1
@@ -192,8 +213,7 @@ def _alone(work: Callable[[], int], scratch: Path) -> None:
         os.environ["TMPDIR"] = tempfile.tempdir = str(scratch)
         for stream in (1, 2):
             os.dup2(os.open(scratch / "output.txt", os.O_WRONLY | os.O_CREAT | os.O_APPEND), stream)
-        # Heel is imported anew: with a change, and so that every import is seen by pytest.
-        for name in [one for one in sys.modules if one.partition(".")[0] in ("heel", "tests")]:
+        for name in [one for one in sys.modules if _is_anew(one)]:
             del sys.modules[name]
         code = work()
     except BaseException:
