@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas.errors import HeelError, SettingsError
-from heel.services.networks.names import EngineName
+from heel.services.networks.names import EngineName, printable
 
 Floats = NDArray[np.float32]
 _INSTALL = "pip install onnxruntime"
@@ -151,7 +151,7 @@ class OnnxRuntime:
                 found = self._session.run(outputs, {self._input: blob})
             else:
                 found = self._run_bounded(blob, outputs, longest_s)
-        return [np.asarray(one, np.float32) for one in found]
+        return [_numbers(one) for one in found]
 
     def _run_bounded(self, blob: Floats, outputs: Sequence[str], longest_s: float) -> Any:
         options = self._new_run_options()
@@ -188,6 +188,12 @@ class OpenCv:
                 else self._network.forward(list(outputs))
             )  # fmt: skip
         return [np.asarray(one, np.float32) for one in found]
+
+
+def _numbers(output: Any) -> Floats:
+    if not isinstance(output, np.ndarray) or output.dtype.kind not in "fiub":
+        raise HeelError("it has an output that is no array of numbers")
+    return np.asarray(output, np.float32)
 
 
 def _providers(package: Any, wanted: Sequence[str]) -> list[str]:
@@ -236,4 +242,4 @@ def one_line() -> Iterator[None]:
 
 def _first_line(error: Exception) -> str:
     lines = _PREFIX.sub("", str(error).strip()).splitlines() or [type(error).__name__]
-    return "".join(c if c.isprintable() else "?" for c in lines[0][:_SHOWN_CHARS])
+    return printable(lines[0][:_SHOWN_CHARS])

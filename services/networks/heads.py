@@ -17,6 +17,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -225,9 +226,10 @@ def _classes(file: OnnxFile, columns: int, objectness: bool, masks: bool) -> int
     left = columns - 4 - objectness - (_MASKS if masks else 0)
     named = left if file.class_names is None else len(file.class_names)
     if named != left or left < 1:
+        names = f" and the {named} class names in the file" if named != left else ""
         raise SettingsError(
-            f"--model-head: {columns} columns do not fit it and the {named} class names in the "
-            "file: leave it out, or name another head"
+            f"--model-head: {columns} columns do not fit it{names}: leave it out, or name another "
+            "head"
         )
     return left
 
@@ -323,23 +325,38 @@ def _corners(rows: Floats, kind: HeadName) -> Floats:
     return corners
 
 
-def people(output: Floats, head: Head, width: int, height: int) -> tuple[Floats, Floats]:
-    """Boxes (N, 4) xyxy in input pixels and scores (N,) in [0, 1] of the people's classes."""
+def people(
+    output: Floats, head: Head, width: int, height: int, least_score: float = -math.inf
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Boxes (N, 4) xyxy in input pixels and scores (N,) in [0, 1] of the people's classes.
+
+    Args:
+        output: of the network.
+        head: how it is read.
+        width: of the input, pixels.
+        height: of the input, pixels.
+        least_score: rows with less are left out.
+    """
     if head.is_list:
-        return _listed_people(output, head, width, height)
+        return _listed_people(output, head, width, height, least_score)
     rows = _rows(output, head.turned)
-    centre, size = rows[:, :2], rows[:, 2:4]
+    # Column by column: rows are long, and of most of them nothing else is looked at.
+    scores = rows[:, head.people[0]]
+    for column in head.people[1:]:
+        scores = np.maximum(scores, rows[:, column])
+    if head.name != "yolov8":
+        scores = scores * rows[:, 4]
+    good = np.flatnonzero(scores >= least_score)
+    centre, size = rows[good, :2], rows[good, 2:4]
     if head.name == "yolox":
         corner, stride = _grid(width, height)
-        centre, size = (centre + corner) * stride, np.exp(np.minimum(size, 12.0)) * stride
+        centre = (centre + corner[good]) * stride[good]
+        size = np.exp(np.minimum(size, 12.0)) * stride[good]
     elif head.unit_boxes:
         sides = np.array([width, height], np.float32)
         centre, size = centre * sides, size * sides
-    scores = rows[:, list(head.people)].max(axis=1)
-    if head.name != "yolov8":
-        scores = scores * rows[:, 4]
     boxes = np.concatenate([centre - 0.5 * size, centre + 0.5 * size], axis=1)
-    return boxes.astype(np.float32), scores.astype(np.float32)
+    return boxes.astype(np.float32), scores[good].astype(np.float32)
 
 
 def listed_scores(output: Floats, head: Head) -> Floats:
@@ -349,11 +366,12 @@ def listed_scores(output: Floats, head: Head) -> Floats:
 
 
 def _listed_people(
-    output: Floats, head: Head, width: int, height: int
-) -> tuple[Floats, Floats]:  # fmt: skip
+    output: Floats, head: Head, width: int, height: int, least_score: float
+) -> tuple[Floats, Floats]:
     rows = output.reshape(-1, output.shape[-1])
     columns = _LISTS[head.name]
-    rows = rows[np.isin(np.round(rows[:, columns.number]), head.people)]
+    good = rows[:, columns.score] >= least_score
+    rows = rows[good & np.isin(np.round(rows[:, columns.number]), head.people)]
     sides = np.array([width, height] * 2, np.float32) if head.unit_boxes else np.float32(1.0)
     return _corners(rows, head.name) * sides, rows[:, columns.score]
 
@@ -502,6 +520,7 @@ def _refusal(file: OnnxFile, shapes: list[tuple[int, ...]]) -> str:
     )
 
 
+@lru_cache(maxsize=8)
 def _grid(width: int, height: int) -> tuple[Floats, Floats]:
     """Left upper corner (in cells) and stride of every grid cell, (N, 2) and (N, 1)."""
     corners, strides = [], []

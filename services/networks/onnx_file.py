@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from heel.schemas.errors import SettingsError
+from heel.services.networks.names import printable
 from heel.services.networks.rewriting import (
     fix_input,
     nodes,
@@ -106,7 +107,7 @@ def read_onnx_file(file: Path) -> OnnxFile:
         width, height = _input_size(model, told.get("imgsz", ""))
         network, as_given = _definite(model, file, width, height)
     except SettingsError as error:
-        raise SettingsError(f"model {file}: {error}") from None
+        raise SettingsError(f"model {file}: {printable(str(error))}") from None
     names = next((found for key in _NAME_KEYS if (found := _names(told.get(key, "")))), None)
     outputs = tuple(output.name for output in model.graph.output)
     return OnnxFile(width, height, outputs, names, told.get("task", ""), network, as_given)
@@ -334,7 +335,7 @@ def _names(text: str) -> tuple[str, ...] | None:
         found = [numbered[number] for number in range(len(numbered))]
     if not isinstance(found, list | tuple) or not all(isinstance(name, str) for name in found):
         return None
-    return tuple(found) or None
+    return tuple(printable(name) for name in found) or None
 
 
 def _literal(text: str) -> object:

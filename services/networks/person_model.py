@@ -163,9 +163,8 @@ class PersonModel:
             output = self._engine.run(blob, [self._head.output])[0]
         except HeelError as error:
             raise HeelError(f"the network failed: {error}") from None
-        boxes, scores = people(output, self._head, self.width, self.height)
-        good = np.flatnonzero(scores >= least_score)
-        boxes, scores = sheet.read(boxes[good], scores[good])
+        boxes, scores = people(output, self._head, self.width, self.height, least_score)
+        boxes, scores = sheet.read(boxes, scores)
         kept = without_doubles(boxes, scores)
         return Detections(boxes[kept], scores[kept])
 
@@ -198,8 +197,9 @@ class PersonModel:
                 off, most = _difference(probe[name], right), _TOLERANCE
             if off > most:
                 raise SettingsError(
-                    f"{self._engine.name} computes it wrongly, by {off:.2g} of its largest output: "
-                    "choose model_engine onnxruntime without model_providers, or another network"
+                    f"{self._engine.name} makes other numbers of it than onnxruntime does layer by "
+                    f"layer (by {off:.2g}): choose model_engine onnxruntime without "
+                    "model_providers, or a network that does not depend on chance"
                 )
 
 

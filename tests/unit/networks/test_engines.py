@@ -150,7 +150,9 @@ def test_an_engine_that_computes_something_else_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(person_model, "open_engine", lambda network, *_: Wrong(network))
-    with pytest.raises(SettingsError, match=r"OpenCV computes it wrongly.*model_engine") as refused:
+    with pytest.raises(
+        SettingsError, match=r"OpenCV makes other numbers of it.*model_engine"
+    ) as refused:
         PersonModel(red_finder(tmp_path / "net.onnx", "yolov8"))
     assert "\n" not in str(refused.value)
 
