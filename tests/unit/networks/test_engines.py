@@ -143,7 +143,7 @@ class Wrong(OpenCv):
     """An engine with a fault."""
 
     def run(self, *given: Any, **named: Any) -> Any:
-        return [1.01 * one for one in super().run(*given, **named)]
+        return [1.03 * one for one in super().run(*given, **named)]
 
 
 def test_an_engine_that_computes_something_else_is_refused(

@@ -1,0 +1,166 @@
+"""Networks that find people: milliseconds a frame by engine, and of the detector that runs them.
+
+Everything on one thread and one core, in one process and in turns, so that whatever else the
+machine does hits all alike. Processor time and wall-clock time are printed: on a busy machine the
+latter is longer, and both are longer than on an idle one; the ratios are not.
+
+The detector is measured on a recording scaled to 640x480, with the tracker behind it as in a run:
+whole frames alone, and with closer looks at small people, which run the network up to three times.
+
+Example run: python -m benchmarks.networks --write docs/records/results.md
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import cv2
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from benchmarks.common import Figure, Json, T, Write, data_folder, publish, write_json
+from heel.schemas.errors import HeelError
+from heel.services.detector.settings import DetectorSettings
+from heel.services.networks.engines import onnxruntime
+from heel.services.networks.names import EngineName
+from heel.services.networks.person_mask import PersonMask
+from heel.services.networks.person_model import PersonModel
+from heel.services.pipeline import InProcessPipeline, RecordedFrames
+from heel.services.runtime import process
+from heel.services.runtime.command_line import run_app
+from heel.services.tracker.core import warm_up
+from heel.services.tracker.settings import TrackerSettings
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+_WIDTH = 640
+_SEQUENCE = "PETS09-S2L1"
+_SCORE = 0.3
+_LOOKS = {"whole frames": 0, "with closer looks": 2}
+_ENGINES: tuple[EngineName, ...] = ("opencv", "onnxruntime")
+Times = dict[tuple[str, str], list[tuple[float, float]]]
+"""By network (or what the detector does with it) and engine: processor and wall time, ms."""
+
+
+def pictures(recording: Path, count: int) -> Iterator[NDArray[np.uint8]]:
+    """The first frames of a recording, 640 pixels wide."""
+    with RecordedFrames(str(recording)) as frames:
+        for _, image, _ in itertools.islice(frames, count):
+            height = round(image.shape[0] * _WIDTH / image.shape[1])
+            small = cv2.resize(image, (_WIDTH, height), interpolation=cv2.INTER_AREA)
+            yield np.asarray(small, np.uint8)
+
+
+def networks(files: list[Path], recording: Path, count: int) -> Times:
+    """One look at a whole picture: laid out, run, read."""
+    looks: dict[tuple[str, str], Callable[[NDArray[np.uint8]], object]] = {}
+    for file in files:
+        if file.suffix == ".tflite":
+            looks[file.stem, "opencv"] = PersonMask(file).of
+            continue
+        for engine in _ENGINES:
+            model = PersonModel(file, engine=engine)
+            looks[file.stem, engine] = partial(_found, model)
+    times: Times = {name: [] for name in looks}
+    for turn, image in enumerate(pictures(recording, count)):
+        order = list(looks.items())
+        for name, look in order if turn % 2 == 0 else reversed(order):
+            times[name].append(_timed(partial(look, image))[1])
+    return times
+
+
+def _found(model: PersonModel, image: NDArray[np.uint8]) -> object:
+    return model.detect(image, _SCORE)
+
+
+def detectors(files: list[Path], recording: Path, count: int) -> Times:
+    """The detector on every frame, with the tracks of its own boxes fed back."""
+    pipelines = {
+        (f"{file.stem}, {what}", engine): InProcessPipeline(
+            DetectorSettings(model=file, model_engine=engine, model_closer_looks=looks),
+            TrackerSettings(),
+        )
+        for file in files if file.suffix == ".onnx"
+        for what, looks in _LOOKS.items()
+        for engine in _ENGINES
+    }  # fmt: skip
+    times: Times = {name: [] for name in pipelines}
+    with RecordedFrames(str(recording)) as source:
+        width = source.source.width
+    with RecordedFrames(str(recording), scale=_WIDTH / width) as frames:
+        for turn, (frame, image, size) in enumerate(itertools.islice(frames, count)):
+            order = list(pipelines.items())
+            for name, pipeline in order if turn % 2 == 0 else reversed(order):
+                blobs, spent = _timed(partial(pipeline.detect, frame, image, size))
+                times[name].append(spent)
+                pipeline.track(blobs)
+                pipeline.settle()
+    return times
+
+
+def _timed(call: Callable[[], T]) -> tuple[T, tuple[float, float]]:
+    cpu_s, wall_s = time.process_time(), time.perf_counter()
+    found = call()
+    return found, (1e3 * (time.process_time() - cpu_s), 1e3 * (time.perf_counter() - wall_s))
+
+
+def table(title: str, times: Times) -> tuple[list[str], list[Figure]]:
+    """Medians by engine, and how often as fast the second one is."""
+    lines = [
+        f"| {title} | OpenCV, ms | onnxruntime, ms | ratio |",
+        "|---|---|---|---|",
+    ]
+    figures = []
+    for name in dict.fromkeys(network for network, _ in times):
+        middle = {
+            engine: np.median(times[name, engine], axis=0).tolist()
+            for engine in _ENGINES if (name, engine) in times
+        }  # fmt: skip
+        cells = [
+            "{:.1f} (wall {:.1f})".format(*middle[engine]) if engine in middle else "-"
+            for engine in _ENGINES
+        ]
+        both = len(middle) == len(_ENGINES)
+        ratio = middle["opencv"][0] / middle["onnxruntime"][0] if both else None
+        lines.append(f"| {name} | {' | '.join(cells)} | {f'{ratio:.2f}' if ratio else '-'} |")
+        for engine, (cpu_ms, _) in middle.items():
+            against = ratio if engine == "onnxruntime" else None
+            figures.append(
+                Figure(f"networks/{name}/{engine}", cpu_ms, "ms", "OpenCV", against,
+                       len(times[name, engine]))
+            )  # fmt: skip
+    return lines, figures
+
+
+@app.command()
+def main(
+    model: Annotated[
+        list[Path] | None, typer.Option(help="measure these [default: those in HEEL_DATA/models]")
+    ] = None,
+    frames: Annotated[int, typer.Option(min=3, help="of the recording")] = 60,
+    write: Write = None,
+    json: Json = None,
+) -> None:
+    """Print medians of every network and of the detector with it."""
+    if onnxruntime() is None:
+        raise HeelError("there is nothing to compare with: pip install onnxruntime")
+    files = model or sorted((data_folder() / "models").glob("*.*"))
+    recording = data_folder() / _SEQUENCE
+    if not files or not recording.is_dir():
+        raise HeelError(f"no models, or no {_SEQUENCE}, in {data_folder()}: set HEEL_DATA")
+    cv2.setNumThreads(1)
+    process.keep_freed_memory()
+    warm_up()
+    lines, figures = table("a look at 640x480", networks(files, recording, frames))
+    more, others = table("detector, 640x480", detectors(files, recording, frames))
+    publish("\n".join([*lines, "", *more]) + "\n", write, "networks")
+    write_json([*figures, *others], json)
+
+
+if __name__ == "__main__":
+    run_app(app)
