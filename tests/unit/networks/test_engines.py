@@ -185,7 +185,7 @@ def test_an_unknown_provider_gets_those_that_there_are(tmp_path: Path) -> None:
 
 
 SCRIPT = """
-import sys, threading
+import sys, time
 from pathlib import Path
 import cv2
 import numpy as np
@@ -198,6 +198,7 @@ engines.onnxruntime()  # has one of its own from then on, which sleeps
 before = threads()
 model = PersonModel(Path(sys.argv[1]), engine="onnxruntime", threads=int(sys.argv[2]))
 model.detect(np.zeros((64, 64, 3), np.uint8), 0.5)
+time.sleep(0.3)  # a thread that has ended is listed for a moment
 after = threads()
 try:
     PersonModel(Path(sys.argv[3]), engine="onnxruntime")
