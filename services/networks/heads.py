@@ -142,6 +142,11 @@ class Head:
         return BYTES_BGR if self.name.startswith("yolox") else UNIT_RGB
 
     @property
+    def people_from(self) -> int:
+        """The first column of class scores, of heads that have a row or a column for each cell."""
+        return 5 if self.name in _WITH_OBJECTNESS else 4
+
+    @property
     def is_list(self) -> bool:
         """Whether the network has chosen among its boxes: it gives as many as it likes."""
         return self.name in _LISTS

@@ -100,7 +100,7 @@ def write_out_padding(model: ModelProto) -> None:
     open_ones = [node for node in nodes(model.graph) if _auto_pad(node) not in _EXPLICIT]
     if not open_ones:
         return
-    shapes = _shapes(model)
+    shapes = shapes_of(model)
     for node in open_ones:
         if node.op_type not in _WINDOWED and node.op_type != _TRANSPOSED:
             raise SettingsError(f"{_titled(node)} with auto_pad is not read: {_DAMAGED}")
@@ -164,7 +164,7 @@ def _set_pads(node: NodeProto, pads: Sequence[int], same: bool) -> None:
     node.attribute.append(helper.make_attribute("pads", list(pads)))
 
 
-def _shapes(model: ModelProto) -> dict[str, list[int]]:
+def shapes_of(model: ModelProto) -> dict[str, list[int]]:
     """Of every value whose shape can be known beforehand; 0 stands for an unknown side."""
     from onnx import shape_inference
 
