@@ -24,6 +24,8 @@ from heel.services.commands.shared_options import (
     Model,
     ModelClass,
     ModelHead,
+    Profile,
+    take_profile,
 )
 from heel.services.run.folder import DEMO_PREFIX, ScratchFolder, sweep
 from heel.services.run.guard import guarded
@@ -55,12 +57,14 @@ def demo(
     detector: Detector = None,
     model: Model = None,
     model_class: ModelClass = None,
+    profile: Profile = None,
     model_head: ModelHead = None,
     scene: Annotated[
         bool, typer.Option("--scene", help="play the drawn scene of a standing camera instead")
     ] = False,
 ) -> None:  # fmt: skip
     """Follow a person through a simulated world; needs no camera, no data, nothing else."""
+    take_profile(profile)
     on_terminal = sys.stdout.isatty()
     loop = seconds is not None or on_terminal
     on_page = partial(_show_page, browser and on_terminal, loop and seconds is None)

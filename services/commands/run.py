@@ -16,6 +16,8 @@ from heel.services.commands.shared_options import (
     Model,
     ModelClass,
     ModelHead,
+    Profile,
+    take_profile,
 )
 from heel.services.run.folder import STAGING_PREFIX, sweep
 from heel.services.run.guard import guarded
@@ -60,9 +62,10 @@ def run(
     model_class: ModelClass = None, model_head: ModelHead = None, annotate: _Annotate = False,
     target: _Target = "nearest",
     scale: _Scale = 1.0, fps: _Fps = None, loop: _Loop = False, frames: _Frames = None,
-    seconds: _Seconds = None, web: _Web = None, config: Config = None,
+    seconds: _Seconds = None, web: _Web = None, config: Config = None, profile: Profile = None,
 ) -> None:  # fmt: skip
     """Run SOURCE through the real processes; write tracks.txt, commands.csv and summary.json."""
+    take_profile(profile)
     live_source = is_camera(source)
     if lossless is None:
         lossless = not live_source

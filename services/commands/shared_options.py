@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from heel.services.networks.names import HeadName
+from heel.services.runtime.settings import PROFILE, profile_tables
 
 PARENT_EXIT_S = 12.0
 """Longest orderly end of a run [s], in which its children are ended and their last messages taken;
@@ -39,6 +41,21 @@ ModelClass = Annotated[
 ModelHead = Annotated[
     HeadName | None, typer.Option(help="what its output means, where the file does not tell")
 ]
+Profile = Annotated[
+    str | None,
+    typer.Option(help="settings of every service for a kind of computer: pi", metavar="NAME"),
+]
 Config = Annotated[
     Path | None, typer.Option(help="settings file (TOML) for every service", metavar="FILE")
 ]
+
+
+def take_profile(name: str | None) -> None:
+    """Let this process and those that it starts have a profile.
+
+    Raises:
+        SettingsError: there is no such profile.
+    """
+    if name is not None:
+        profile_tables(name)
+        os.environ[PROFILE] = name

@@ -50,7 +50,7 @@ def settings_command(
         shared: shared tables that this command has a use for.
     """
     owners: dict[str, tuple[str, str]] = {}
-    parameters = [_CONFIG, _SHOW]
+    parameters = [_CONFIG, _PROFILE, _SHOW]
     tables: dict[str, type[BaseModel]] = {
         service: model,
         **{name: _SHARED[name] for name in shared},
@@ -63,12 +63,13 @@ def settings_command(
 
     def command(**values: Any) -> None:
         config, show = values.pop("config"), values.pop("show_config")
+        profile = values.pop("profile")
         flags: dict[str, dict[str, object]] = {}
         for parameter, value in values.items():
             if value is not None:
                 table, name = owners[parameter]
                 flags.setdefault(table, {})[name] = value
-        loaded = load_settings(service, model, flags, config)
+        loaded = load_settings(service, model, flags, config, profile)
         if show:
             typer.echo(json.dumps(loaded.shown(service), indent=2))
             return
@@ -89,6 +90,10 @@ def _keyword(name: str, annotation: Any) -> inspect.Parameter:
 
 _CONFIG = _keyword(
     "config", Annotated[Path | None, typer.Option(help="settings file (TOML)", metavar="FILE")]
+)
+_PROFILE = _keyword(
+    "profile",
+    Annotated[str | None, typer.Option(help="settings for a kind of computer: pi", metavar="NAME")],
 )
 _SHOW = inspect.Parameter(
     "show_config",

@@ -1,4 +1,4 @@
-"""Settings: file < environment < flags, checked by pydantic, unknown keys refused by name.
+"""Settings: profile < file < environment < flags, checked, unknown keys refused by name.
 
 A settings file is TOML with one table per service and two shared ones:
 
@@ -7,6 +7,8 @@ A settings file is TOML with one table per service and two shared ones:
 
     [tracker]
     show_missed_s = 1.5
+
+A profile is a settings file that comes with Heel, for a kind of computer (`profiles/`).
 
 The environment spells the same keys `HEEL_ZENOH__CONNECT`, `HEEL_TRACKER__SHOW_MISSED_S`.
 """
@@ -46,6 +48,9 @@ from heel.services.runtime.passwords import without_passwords
 SERVICES = ("capture", "detector", "tracker", "follower", "drive", "web", "simulator", "router")
 SECTIONS = (*SERVICES, "zenoh", "log")
 ENVIRONMENT_PREFIX = "HEEL_"
+PROFILE = "HEEL_PROFILE"
+"""Names the profile of all processes that inherit it."""
+_PROFILES = Path(__file__).with_name("profiles")
 
 
 class StrictSettings(BaseModel):
@@ -222,17 +227,19 @@ def load_settings(
     model: type[S],
     flags: Mapping[str, Mapping[str, object]],
     file: Path | None = None,
+    profile: str | None = None,
 ) -> Loaded[S]:
-    """Merge file, environment and flags into checked settings.
+    """Merge profile, file, environment and flags into checked settings.
 
     Args:
         service: the service's table name.
         model: its settings model.
         flags: table name to flag values; None is a flag that was not given.
         file: TOML file; None means `HEEL_CONFIG` if that is set, else no file.
+        profile: name of a profile; None means `HEEL_PROFILE` if that is set, else none.
 
     Raises:
-        SettingsError: unknown table or key, wrong type, out of range, unreadable file.
+        SettingsError: unknown profile, table or key, wrong type, out of range, unreadable file.
     """
     models: dict[str, type[BaseModel]] = {
         "zenoh": ZenohSettings, "log": LogSettings, **_known_tables, service: model,
@@ -242,6 +249,10 @@ def load_settings(
     file = file or (Path(named) if named else None)
     tables = read_tables(file)
     _check_keys(tables, models, f"settings file {file}: ")
+    usual = profile_tables(profile or os.environ.get(PROFILE))
+    tables = {
+        name: {**usual.get(name, {}), **tables.get(name, {})} for name in {*usual, *tables}
+    }  # fmt: skip
     merged: type[_Merged] = create_model(
         "Merged",
         __base__=_Merged,
@@ -262,6 +273,21 @@ def load_settings(
         raise SettingsError(_explain(error, service, model)) from None
     return Loaded(**{"service" if name == service else name: getattr(values, name)
                      for name in (service, "zenoh", "log")})  # fmt: skip
+
+
+def profile_tables(name: str | None) -> dict[str, dict[str, Any]]:
+    """The tables of a profile; none without a name.
+
+    Raises:
+        SettingsError: there is no such profile.
+    """
+    if not name:
+        return {}
+    file = _PROFILES / f"{name}.toml"
+    known = sorted(one.stem for one in _PROFILES.glob("*.toml"))
+    if name not in known:
+        raise SettingsError(f"no profile {name!r}: there is {', '.join(known)}")
+    return read_tables(file)
 
 
 def read_tables(file: Path | None) -> dict[str, Any]:

@@ -49,7 +49,7 @@ class Project:
         self.name = f"heeltest{secrets.token_hex(4)}"
         self.port = _free_port()
         inherited = {key: value for key, value in os.environ.items() if not key.startswith("HEEL_")}
-        self.environment = inherited | environment | {
+        self.environment = inherited | {"HEEL_MODELS": str(videos)} | environment | {
             "COMPOSE_PROJECT_NAME": self.name, "HEEL_PORT": str(self.port), "HEEL_IMAGE": IMAGE,
             "HEEL_VIDEOS": str(videos),
         }  # fmt: skip

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from benchmarks.common import data_folder
+from heel.services.models.catalogue import KNOWN
 from tests.docker.engine import REPOSITORY, Project
 
 pytestmark = [pytest.mark.docker, pytest.mark.timeout(360)]
@@ -43,7 +46,7 @@ def videos(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_commands_do_what_the_page_says(image: str, videos: Path) -> None:
     project = Project(videos)
-    first, second = blocks("sh")
+    first, second, _, _ = blocks("sh")
     try:
         said = _typed(project, first)
         assert "tracker/main" in said
@@ -56,6 +59,25 @@ def test_the_commands_do_what_the_page_says(image: str, videos: Path) -> None:
         assert "walk.avi" in _typed(project, logs)
         _typed(project, down)
         assert project.left_behind() == []
+    finally:
+        project.down()
+
+
+def test_a_network_in_the_folder_is_used(image: str, tmp_path: Path) -> None:
+    known = KNOWN["yolox-nano"].file
+    if not (data_folder() / "models" / known).is_file():
+        pytest.skip("yolox-nano is not in the models of HEEL_DATA")
+    _, _, network, _ = blocks("sh")
+    get, up, logs, down = network.splitlines()
+    assert get == "HEEL_MODELS=./models heel models get yolox-nano"
+    tmp_path.chmod(0o755)
+    shutil.copy(data_folder() / "models" / known, tmp_path)
+    project = Project(tmp_path, HEEL_MODELS=str(tmp_path))
+    try:
+        project.run("bash", "-c", up)
+        project.read(tracks=20)
+        assert f"network /models/{known}" in project.run("bash", "-c", logs)
+        project.run("bash", "-c", down)
     finally:
         project.down()
 
@@ -80,5 +102,6 @@ def test_the_override_of_the_page_fits_the_file(image: str, tmp_path: Path) -> N
     capture = json.loads(said)["services"]["capture"]
     assert capture["environment"] == {
         "HEEL_CAPTURE__HORIZONTAL_FOV_DEG": "69", "HEEL_ZENOH__CONNECT": "tcp/router:7447",
+        "HEEL_PROFILE": "",
     }  # fmt: skip
     assert capture["read_only"] is True

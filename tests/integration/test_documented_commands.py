@@ -74,8 +74,16 @@ ELSEWHERE = {
     "heel run video.mp4 --out live --live": _README + "test_recording_commands",
     "heel run video.mp4 --out results --model yolox_nano.onnx":
         _MODEL + "test_a_lossless_run_with_a_network_equals_the_cores_in_one_process",
-    "heel demo --model yolox_nano.onnx":
-        _MODEL + "test_with_a_network_the_demo_sees_in_pixels_and_says_so",
+    "heel run video.mp4 --out results --model yolox-nano":
+        _MODEL + "test_the_network_that_is_there_is_used_without_a_flag_and_named",
+    **dict.fromkeys(
+        ("heel models list", "heel models get yolox-nano --from FILE", "heel models check",
+         "heel models path person-192", "heel models remove person-192"),
+        "tests/unit/models/test_models_command.py::"
+        "test_a_network_is_got_listed_found_checked_and_removed",
+    ),
+    "docker compose logs detector":
+        "tests/docker/test_docs.py::test_a_network_in_the_folder_is_used",
     "heel status": _SERVICES,
     "heel follow nearest": _SERVICES,
     "heel stop": _SERVICES,
@@ -133,7 +141,17 @@ IN_CI = {"make demo", "make test", "make docs", "make lint", "make layers", "mak
 NOT_RUN = {
     "make check": "its parts are steps of .ci/run",
     ". .venv/bin/activate": "the tests' own environment is active",
-    "sha256sum yolox_nano.onnx": "a check of a file that Heel does not ship",
+    "heel models get yolox-nano":
+        "downloads from its author; tests/unit/models/test_fetch.py does from a server of its own",
+    "heel models get person-192": "as above",
+    "HEEL_MODELS=./models heel models get yolox-nano": "as above",
+    "python -m benchmarks.models --write docs/records/models.md":
+        "recordings, and networks that Heel does not ship",
+    "python -m tools.wheels --write docs/records/wheels.md":
+        "asks the package index; tests/unit/models/test_real_index.py does it when asked",
+    "docker buildx bake -f docker-bake.hcl": "the same Dockerfile as `docker compose build`",
+    "docker buildx create --use": "changes the developer's Docker",
+    "docker buildx bake -f docker-bake.hcl all": "emulates another computer, for half an hour",
     "heel capture /dev/v4l/by-id/usb-046d_HD_Pro_Webcam_C920-video-index0 "
     "--camera-width 1280 --camera-height 720 --camera-fourcc MJPG --fps 30":
         "hardware: a USB camera",

@@ -15,8 +15,12 @@ _COLUMNS = 100
 
 
 def command_names() -> list[str]:
-    """Every verb of `heel`, in the order of `heel --help`."""
-    return list(getattr(typer.main.get_command(app), "commands"))  # noqa: B009  (untyped by typer)
+    """Every verb of `heel`, in the order of `heel --help`, each with those that it has itself."""
+    found: list[str] = []
+    commands = getattr(typer.main.get_command(app), "commands")  # noqa: B009  (untyped by typer)
+    for name, command in commands.items():
+        found += [name, *(f"{name} {own}" for own in getattr(command, "commands", ()))]
+    return found
 
 
 def commands_page() -> str:
@@ -25,7 +29,7 @@ def commands_page() -> str:
 
 
 def _section(name: str) -> str:
-    text = _help(name)
+    text = _help(*name.split())
     if name in known_tables():
         # Each of its settings is a flag.
         text = re.split(r"^Options:$", text, maxsplit=1, flags=re.MULTILINE)[0].rstrip()

@@ -34,6 +34,8 @@ _FLAG = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*")
 def verbs() -> dict[str, set[str]]:
     """The flags of each `heel` command."""
     commands: dict[str, Any] = getattr(typer.main.get_command(app), "commands")  # noqa: B009
+    for group in [name for name, command in commands.items() if hasattr(command, "commands")]:
+        commands |= {f"{group} {name}": one for name, one in commands[group].commands.items()}
     return {
         name: {flag for one in command.params for flag in (*one.opts, *one.secondary_opts)}
         | {"--help"}
@@ -71,6 +73,11 @@ def _known_verb(words: list[str]) -> str | None:
         return None
     if words[0] not in verbs():
         return f"no command {words[0]}"
+    verb = " ".join(words[:2])
+    if any(name.startswith(f"{words[0]} ") for name in verbs()):
+        if verb not in verbs():
+            return f"no command {verb}"
+        words = [verb, *words[2:]]
     unknown = set(_FLAG.findall(" ".join(words))) - verbs()[words[0]]
     return f"no flags {sorted(unknown)}" if unknown else None
 
@@ -96,6 +103,8 @@ def test_every_command_and_flag_exists(page: str, line: str) -> None:
 
 def test_a_command_that_does_not_exist_is_found() -> None:
     assert known("heel fly") == "no command fly"
+    assert known("heel models fly") == "no command models fly"
+    assert known("heel models get x --to y") == "no flags ['--to']"
     assert known("heel run a.mp4 --out x --nonsense") == "no flags ['--nonsense']"
     assert known("make nothing") == "no targets ['nothing']"
     assert known("python -m benchmarks.nothing") == "no module benchmarks.nothing"
