@@ -48,7 +48,8 @@ def main(
     ] = None,
     seed: Annotated[int, typer.Option(help="of the sample")] = 1,
     only: Annotated[
-        str | None, typer.Option(help="mutants whose path and name contain this")
+        str | None,
+        typer.Option(help="mutants whose path and name contain one of these, comma separated"),
     ] = None,
     rooms: Annotated[str, typer.Option(help="services, comma separated")] = ",".join(ROOMS),
     tests: Annotated[
@@ -65,7 +66,8 @@ def main(
     chosen = [room.strip() for room in rooms.split(",")]
     every = {room: mutants(REPOSITORY, f"services/{room}") for room in chosen}
     drawn = sorted(mutant for found in every.values() for mutant in found)
-    drawn = [mutant for mutant in drawn if only is None or only in str(mutant)]
+    if only is not None:
+        drawn = [one for one in drawn if any(part in str(one) for part in only.split(","))]
     if sample is not None:
         drawn = sorted(random.Random(seed).sample(drawn, min(sample, len(drawn))))
     among = {room: [f"tests/unit/{room}"] if tests is None else tests.split(",") for room in chosen}

@@ -19,6 +19,7 @@ from heel.schemas import Blobs, FrameId, Tracks
 from heel.schemas.blobs import FOREGROUND, NONE, SHADOW
 from heel.services.detector.background.evidence import FrameDifference, Region, find_regions
 from heel.services.detector.background.learning import GhostFinder, LateFrames, StillnessGate
+from heel.services.detector.background.pixel_model import StandingBackground
 from heel.services.detector.core import Detector
 from heel.services.detector.feedback import FeedbackBuffer, free_mask
 from heel.services.detector.messages import person_blobs, region_blobs
@@ -193,6 +194,22 @@ def test_true_blobs(pinned: Pinned) -> None:
 # --- Parts
 
 
+def test_how_fast_a_background_follows(pinned: Pinned) -> None:
+    """Daylight that rises and stays, over minutes; pixels that only now and then may be learned."""
+    model, rows = StandingBackground(np.full((6, 8, 3), 100, np.uint8)), cast(dict[str, Row], {})
+    free = np.full((6, 8), 255, np.uint8)
+    for seq in range(240):
+        light = 100 + min(seq // 12, 12)
+        free[:, 4:] = 255 if seq % 5 == 0 else 0
+        model.learn(np.full((6, 8, 3), light, np.uint8), free, 0.1 if seq < 200 else 0.7)
+        if seq % 12 == 0:
+            rows[f"{seq}"] = [
+                *map(float, model.mean[0, ::5, 0]),
+                *map(float, model.variance[0, ::5]),
+            ]
+    pinned(rows, relative=1e-4)
+
+
 def test_what_moves_between_frames(pinned: Pinned) -> None:
     """Patches that jump by steps of grey, in pictures with noise of every strength."""
     rows: dict[str, Row] = {}
@@ -214,7 +231,9 @@ def test_how_many_frames_are_kept_to_compare(pinned: Pinned) -> None:
     difference, rows = FrameDifference(), cast(dict[str, Row], {})
     for seq in range(180):
         picture = np.full((40, 220, 3), 100, np.uint8)
-        picture[:, seq : seq + 20] = 200
+        # Every frame lights another column: those of the frame compared with are not lit any more.
+        picture[:, seq : seq + 4] = 200
+        picture[: seq % 90 * 40 // 90] = 180
         rows[f"{seq}"] = [float(np.count_nonzero(difference.update(picture, seq * 100_000)))]
     pinned({at: row for at, row in rows.items() if int(at) % 9 == 0})
 

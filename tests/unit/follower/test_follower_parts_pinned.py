@@ -81,9 +81,11 @@ def test_ground(fall_m: float, pinned: Pinned) -> None:
     for step in range(60):
         t_s += (0.0, 0.02, 0.05, 0.3, 0.7)[step % 5] + {30: 20.0, 45: 60.0}.get(step, 0.0)
         distance_m = float(rng.uniform(1.5, 6.0))
-        off = {7: 0.5, 13: 0.2, 19: 0.12, 21: -0.13, 50: 0.3}.get(step, float(rng.normal(0, 0.03)))
+        off = {7: 0.5, 13: 0.2, 19: 0.12, 21: -0.13, 27: 0.08, 29: -0.1, 41: 0.16, 50: 0.3}.get(
+            step, float(rng.normal(0, 0.03))
+        )
         slope = fall_m / distance_m * (1.0 + off) + 0.08
-        made.learn(slope, distance_m, float(rng.uniform(0.0, 0.08)), t_s)
+        made.learn(slope, distance_m, float(rng.uniform(0.0, 0.02 + 0.06 * (step % 2))), t_s)
         line = made.line
         rows[f"{step}"] = [None] if line is None else [line.fall_m, line.offset]
     pinned(rows)
@@ -93,11 +95,12 @@ def test_width(pinned: Pinned) -> None:
     rows = {}
     for feet_seen in (True, False):
         made, rng, t_s = LearnedWidth(), random(2), 0.0
-        for step in range(80):
+        for step in range(140):
             t_s += (0.03, 0.05, 0.1, 0.25)[step % 4]
             width_m = {30: 0.9, 31: 1.4, 32: 2.5}.get(step, float(rng.normal(0.5, 0.06)))
             made.learn(width_m, t_s, feet_seen or step % 3 == 0)
-            rows[f"{feet_seen} {step}"] = [made.width_m]
+            if step < 12 or step % 6 == 0:
+                rows[f"{feet_seen} {step}"] = [made.width_m]
     pinned(rows)
 
 
@@ -159,10 +162,10 @@ def test_swing(pinned: Pinned) -> None:
     rows = {}
     for half_s, uneven in itertools.product(scale(0.25, 4.0, 1.4), (1.0, 1.5, 2.5)):
         made, t_s, shares = Swing(), 0.0, []
-        for way in range(14):
+        for way in range(22):
             for side in np.sin(np.linspace(0.0, math.pi, 12)):
                 t_s += half_s * (uneven if way % 2 else 1.0) / 12
-                made.told(t_s, float((-1) ** way * side * (0.4 if way < 10 else 0.25)))
+                made.told(t_s, float((-1) ** way * side * (0.4 if way < 18 else 0.25)))
             shares.append(made.share)
         made.told(t_s + 30.0, 0.0)
         rows[f"{half_s:.3f} {uneven}"] = [*shares, made.share, made.swings]
@@ -189,6 +192,31 @@ def test_freshness(late_s: float, pinned: Pinned) -> None:
                 row += [now_s, reason]
                 said = reason
         rows[f"{interval_s}"] = row
+    pinned(rows)
+
+
+def test_trouble_that_comes_again(pinned: Pinned) -> None:
+    """Staleness at several distances from the one before: how long it takes to be fresh again."""
+    rows: dict[str, Row] = {}
+    for apart_s in (1.5, 2.2, 3.0, 4.2, 5.5, 7.0, 9.0, 12.0):
+        made = Freshness(0.25, 0.2)
+        made.judge(10.0, 0.5)
+        for step in range(round(apart_s / 0.02)):
+            made.judge(10.02 + 0.02 * step, 0.1)
+        made.judge(10.0 + apart_s, 0.5)
+        waits = [made.judge(10.0 + apart_s + 0.05 * step, 0.1) is None for step in range(1, 30)]
+        rows[f"{apart_s}"] = [waits.index(True)]
+    pinned(rows)
+
+
+def test_late_or_rare(pinned: Pinned) -> None:
+    """Whether frames that leave so little time are said to come late or too seldom."""
+    rows: dict[str, Row] = {}
+    for spare_s in (0.008, 0.012, 0.02, 0.03, 0.04, 0.06, 0.09):
+        made = Freshness(0.25, 0.2)
+        for frame in range(10):
+            made.frame(0.1 * frame, 0.25 - spare_s)
+        rows[f"{spare_s}"] = [made.judge(1.0, 0.26)]
     pinned(rows)
 
 
@@ -456,7 +484,7 @@ def somebody(
 ) -> Person:  # fmt: skip
     """A person whose filter has settled on a place and a velocity at the time 1."""
     made = _settled(place, velocity)
-    values = {
+    values: dict[str, Any] = {
         "id": number, "distance_m": math.hypot(*place), "bearing_rad": math.atan2(*place[::-1]),
         "seen_s": 1.0, "place": place, "filter": made, "box_scale": BoxScale(),
         "width": LearnedWidth(), "certain": True, "by_height": False, "reserve_m": 0.0,
@@ -491,6 +519,18 @@ def test_room(seen: bool, least_share: float, pinned: Pinned) -> None:
                 room = surroundings.room(people, 1, Pose(), 1.05, 0.5, turn_radps, seen)
                 row += [room.ahead_m, room.behind_m, room.ahead_ends_at]
         rows[f"{ahead_m} {wall_m} {turn_radps}"] = row
+    pinned(rows)
+
+
+def test_room_where_the_robot_turns_to(pinned: Pinned) -> None:
+    """A post at one bearing, and a robot that turns towards it at several rates."""
+    rows: dict[str, Row] = {}
+    for degrees, turn_radps in itertools.product((15, 25, 35, 50, 70), (-1.0, 0.3, 0.6, 1.0, 1.6)):
+        surroundings = Surroundings(FollowerSettings())
+        surroundings.observe(Sectors(lidar({degrees: 1.2}, 6.0, 5)), 1.0)
+        people = among(somebody(1, (4.0, 0.0)))
+        room = surroundings.room(people, 1, Pose(), 1.0, 0.5, turn_radps, True)
+        rows[f"{degrees} {turn_radps}"] = [room.ahead_m, room.ahead_ends_at]
     pinned(rows)
 
 
@@ -688,9 +728,10 @@ def test_people_in_the_picture(mounted: bool, pinned: Pinned) -> None:
             update={"box_xyxy": boxed(camera, 2.0 + 0.4 * (step // 4), -0.6, 1.6)}
         )
         told = person(3).model_copy(
-            update={"distance_m": (3.0, 80.0, 130.0, 250.0)[step // 8 % 4], "bearing_rad": 0.1,
-                    "distance_sigma_m": 0.2 if step < 20 else None,
-                    "bearing_sigma_rad": 0.05 if step < 20 else None}
+            update={"distance_m": (3.0, 80.0, 130.0, 250.0)[step // 8 % 4],
+                    "bearing_rad": 0.1 + 0.02 * (step % 2),
+                    "distance_sigma_m": 0.2 if step < 6 else None,
+                    "bearing_sigma_rad": 0.05 if step < 6 else None}
         )  # fmt: skip
         thin = [
             person(10 + at, 100.0 + 40 * at).model_copy(
