@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from heel.services.geometry.boxes import cover
+from heel.services.geometry.boxes import cover, intersection_matrix
 from heel.services.tracker.fitted.arrays import Foot, box_at
 from heel.services.tracker.fitted.canvas import Canvas, Fit, Window
 from heel.services.tracker.fitted.coverage import Standing, reduce, reduction, standing
@@ -75,9 +75,7 @@ def _touching(people: Sequence[Person], ratio: float) -> list[Person]:
         (x, y), height, reach = person.foot, person.height, 2.0 * _reach(person) + 2.0
         half = 0.8 * ratio * height + reach
         areas[index] = x - half, y - 1.05 * height - reach, x + half, y + 0.05 * height + reach
-    low = np.maximum(areas[:, None, :2], areas[None, :, :2])
-    high = np.minimum(areas[:, None, 2:], areas[None, :, 2:])
-    meetings = (low < high).all(axis=2).sum(axis=1)  # each area meets itself
+    meetings = (intersection_matrix(areas, areas) > 0.0).sum(axis=1)  # each area meets itself
     return [person for person, count in zip(people, meetings, strict=True) if count > 1]
 
 
