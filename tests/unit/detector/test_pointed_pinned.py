@@ -109,6 +109,7 @@ FIGURES: dict[str, Callable[[], Picture]] = {
     "fainter": partial(figure, faint=0.35),
     "hardly there": partial(figure, faint=0.2),
     "at the border": partial(figure, x=14.0),
+    "bent aside": partial(figure, head=0.02, shoulders=0.26),
 }
 
 
@@ -276,6 +277,7 @@ def grey_of(picture: Picture) -> NDArray[np.uint8]:
 def moving(
     step_px: float, height: float = 150.0, x: float = 240.0, pan: int = 0, contrast: float = 1.0,
     zoom: float = 1.0, other: float | None = None, grows: float = 0.0, plain: slice | None = None,
+    noise: float = 1.0,
 ) -> Row:  # fmt: skip
     """All that is told of nine frames in which somebody goes so far, and the camera turns.
 
@@ -285,6 +287,7 @@ def moving(
         other: how far another one walks by.
         grows: share of the height by frame.
         plain: columns in which the room has no texture.
+        noise: of the camera, grey levels.
     """
     watch, row, rng = MovementWatch(), cast(Row, []), np.random.default_rng(8)
     for seq in range(9):
@@ -295,7 +298,7 @@ def moving(
         if other is not None:
             draw(picture, 40.0 + other * seq, height, (60, 180, 60))
         draw(picture, at, tall)
-        picture = np.clip(picture + rng.normal(0, 1, picture.shape), 0, 255).astype(np.uint8)
+        picture = np.clip(picture + rng.normal(0, noise, picture.shape), 0, 255).astype(np.uint8)
         grey = grey_of(picture).astype(float)
         grey = 128 + contrast * (grey - 128)
         matrix = cv2.getRotationMatrix2D((WIDTH / 2, HEIGHT / 2), 0.0, zoom**seq)
@@ -326,6 +329,8 @@ FILMS: dict[str, Callable[[], Row]] = {
     "grey": partial(moving, 2.5, contrast=0.4),
     "paler": partial(moving, 2.5, contrast=0.22),
     "hardly seen": partial(moving, 2.5, contrast=0.12),
+    "in noise": partial(moving, 1.5, noise=14.0),
+    "in more noise": partial(moving, 2.5, noise=25.0),
     "wall on the left": partial(moving, 2.5, plain=slice(0, 215)),
     "wall on both sides": partial(moving, 2.5, plain=slice(120, 360)),
     "left border": partial(moving, 1.0, x=80.0),
@@ -354,6 +359,77 @@ def test_how_long_pictures_are_compared(pinned: Pinned) -> None:
             row.append(None if told is None else round(-told.box_step + told.body_step, 3))
         rows[f"{step_s}"] = row
     pinned(rows, relative=0.03, absolute=0.01)
+
+
+def test_where_movement_is_looked_for(pinned: Pinned) -> None:
+    masks = (proof_module._IS_BODY, proof_module._IS_BESIDE, *proof_module._SIDES)
+    pinned({f"{at}": [*mask.shape, int(mask.sum())] for at, mask in enumerate(masks)})
+
+
+def test_flow_of_the_background(pinned: Pinned) -> None:
+    """A slanted flow with much or little scatter, and others that move within it."""
+    rng, rows = np.random.default_rng(11), cast(dict[str, Row], {})
+    shape = proof_module._IS_BESIDE.shape
+    for scatter, share in itertools.product((0.0, 0.05, 0.12, 0.4, 1.0), (0.0, 0.15, 0.35)):
+        flow = rng.normal(0, scatter + 1e-3, (*shape, 2))
+        flow[..., 0] += 0.6 + 0.4 * np.linspace(-1, 1, shape[1])
+        flow[rng.random(shape) < share] += (2.0, -1.0)
+        background, spread = proof_module._plane(flow, proof_module._IS_BESIDE)
+        rows[f"{scatter} {share}"] = [spread, *map(float, background[::60, ::50].ravel())]
+    pinned(rows, relative=1e-5, absolute=1e-7)
+
+
+def test_growth_of_the_picture(pinned: Pinned) -> None:
+    rows: dict[str, Row] = {}
+    for tilt in (0.0, 2e-4, 1e-3):
+        turn = np.array([[1.01, 0.0, 4.0], [0.0, 0.99, 1.0], [tilt, 0.5 * tilt, 1.0]])
+        rows[f"{tilt}"] = [proof_module._zoom(turn, (360, 480))]
+    pinned(rows, relative=1e-9, absolute=1e-12)
+
+
+def speckled(spots: Sequence[tuple[int, int, int, int]], x: int = 240) -> NDArray[np.uint8]:
+    """A grey wall with texture at both ends of the picture and in spots (x, y, w, h)."""
+    rng = np.random.default_rng(12)
+    grain = cv2.resize(rng.uniform(40, 220, (120, 160)).astype(np.float32), (WIDTH, HEIGHT))
+    picture = np.full((HEIGHT, WIDTH), 128.0, np.float32)
+    picture[:, : x - 110] = grain[:, : x - 110]
+    picture[:, x + 110 :] = grain[:, x + 110 :]
+    for left, top, wide, high in spots:
+        picture[top : top + high, left : left + wide] = grain[top : top + high, left : left + wide]
+    return picture.astype(np.uint8)
+
+
+def test_how_much_texture_tells_movement(pinned: Pinned) -> None:
+    """Spots on the body and on either side, larger and larger: whether anything is told, and what
+    counts as movement then."""
+    rows: dict[str, Row] = {}
+    free = np.full((HEIGHT, WIDTH), 255, np.uint8)
+    free[:, 140:340] = 0
+    for on_body, beside in itertools.product((1, 4, 8, 14, 30), (2, 7, 12, 18, 40)):
+        watch, row = MovementWatch(), cast(Row, [])
+        for seq in range(5):
+            spots = [(240 - on_body // 2 + 2 * seq, 150, on_body, 2 * on_body),
+                     (180, 150, beside // 2, beside), (290, 150, beside // 2, beside)]  # fmt: skip
+            told = watch.look(speckled(spots), person_box(240.0, 100.0), free, 0.08 * seq)
+            if seq == 4:
+                row += [told is not None, told is not None and told.pixels > 0]
+        rows[f"{on_body} {beside}"] = row
+    pinned(rows)
+
+
+def test_how_much_of_the_body_tells_movement(pinned: Pinned) -> None:
+    """A box that goes on below the picture, farther and farther."""
+    rows: dict[str, Row] = {}
+    free = np.full((HEIGHT, WIDTH), 255, np.uint8)
+    free[150:, 140:340] = 0
+    greys = [grey_of(seen(240.0 + 2 * seq)) for seq in range(5)]
+    for below in (0.0, 0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85):
+        watch, told = MovementWatch(), None
+        box = (200.0, HEIGHT - (1 - below) * 100.0, 240.0, HEIGHT + below * 100.0)
+        for seq, grey in enumerate(greys):
+            told = watch.look(grey, box, free, 0.08 * seq)
+        rows[f"{below}"] = [told is not None]
+    pinned(rows)
 
 
 # --- Kept by the clothes
@@ -427,6 +503,14 @@ SCRIPTS: dict[str, Callable[[], Script]] = {
         *[seen(240.0)] * 15, *[seen(None)] * 12, *[mixed(0.3)] * 6, *[mixed(0.15)] * 6
     ),
     "in other clothes": lambda: still(*(mixed(min(1.0, seq / 30)) for seq in range(40))),
+    "in other clothes, slowly": lambda: still(
+        *[_clothed(SHIRT)] * 60, *(mixed(seq / 40) for seq in range(32))
+    ),
+    "leaves slowly": lambda: still(*(seen(455.0 + 1.5 * seq) for seq in range(34))),
+    "hardly there": lambda: still(
+        *[figure(faint=0.12)] * 8, *[figure(faint=0.1, x=242.0)] * 6, *[figure(faint=0.06)] * 4,
+        *[smooth(seen(None))] * 3,
+    ),
     "before another wall": lambda: still(*(striped(seq) for seq in range(40))),
     "faint": lambda: still(*(figure(faint=0.3) for _ in range(12)),
                            *(figure(faint=0.3, x=243.0) for _ in range(12))),
@@ -446,7 +530,8 @@ def test_a_person_looked_for(name: str, pinned: Pinned) -> None:
     script = SCRIPTS[name]()
     x, height = {
         "runs and stops": (140.0, 150.0), "comes": (240.0, 140.0), "comes near": (240.0, 300.0),
-        "goes": (240.0, 220.0), "leaves the picture": (380.0, 150.0), "twin": (240.0, 180.0),
+        "goes": (240.0, 220.0), "leaves the picture": (380.0, 150.0),
+        "leaves slowly": (455.0, 150.0), "twin": (240.0, 180.0),
         "walks out of sight": (200.0, 150.0), "pauses": (100.0, 150.0),
     }.get(name, (240.0, 150.0))  # fmt: skip
     person, rows = PointedPerson(person_box(x, height), HEIGHT), cast(dict[str, Row], {})
