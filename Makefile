@@ -78,6 +78,7 @@ results: $(READY)  ## score everything on all recordings and write docs/records/
 	$(BIN)/python -m benchmarks.reliability --write docs/records/identity.md
 	$(BIN)/python -m benchmarks.features --write docs/records/identity.md
 	$(BIN)/python -m benchmarks.speed --write docs/records/results.md
+	$(BIN)/python -m benchmarks.networks --write docs/records/results.md
 	$(BIN)/python -m benchmarks.frames docs/records/frames.jpg
 
 $(PEERS)/ready: pyproject.toml constraints.txt

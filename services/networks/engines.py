@@ -80,11 +80,13 @@ def open_engine(
         MemoryError: it wants more than there is.
     """
     if choice == "opencv" or (choice == "auto" and onnxruntime() is None):
-        if providers:
-            raise SettingsError(
-                f"model_providers {', '.join(providers)}: they are onnxruntime's, and OpenCV runs "
-                f"the network: {_INSTALL} and leave model_engine out, or leave the providers out"
-            )
+        given = {"model_providers": ", ".join(providers), "model_threads": threads}
+        for name, value in given.items():
+            if value not in ("", 1):
+                raise SettingsError(
+                    f"{name} {value}: it is onnxruntime's, and OpenCV runs the network: "
+                    f"{_INSTALL} and leave model_engine out, or leave {name} out"
+                )
         return OpenCv(network)
     if onnxruntime() is None:
         raise SettingsError(

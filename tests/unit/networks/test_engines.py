@@ -8,9 +8,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
+from benchmarks.common import data_folder
 from heel.schemas import SettingsError
 from heel.services.networks import engines, person_model
 from heel.services.networks.engines import OpenCv, open_engine
@@ -49,6 +51,22 @@ def test_engines_find_the_same_people(engine: EngineName, tmp_path: Path) -> Non
     usual = PersonModel(file).detect(image, 0.3)
     assert found.boxes == pytest.approx(usual.boxes, abs=1e-3)
     assert found.scores == pytest.approx(usual.scores, abs=1e-3)
+
+
+FILES = sorted((data_folder() / "models").glob("*.onnx"))
+
+
+@pytest.mark.skipif(not FILES, reason="no models in HEEL_DATA")
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_known_networks_find_the_same_people_in_a_street_by_every_engine(file: Path) -> None:
+    street = sorted((data_folder() / "TUD-Campus" / "img1").glob("*"))
+    if not street:
+        pytest.skip("no TUD-Campus in HEEL_DATA")
+    image = np.asarray(cv2.imread(str(street[9])), np.uint8)
+    ours, theirs = (PersonModel(file, engine=engine).detect(image, 0.3) for engine in ENGINES)
+    assert len(ours.boxes) > 2
+    assert ours.scores == pytest.approx(theirs.scores, abs=1e-3)
+    assert ours.boxes == pytest.approx(theirs.boxes, abs=0.05)
 
 
 def one_layer(
@@ -171,8 +189,10 @@ def test_without_onnxruntime_opencv_runs_it_and_the_extra_is_named(tmp_path: Pat
     assert len(model.detect(picture(SIDE, SIDE, (32, 24, 8, 8)), 0.5).boxes) == 1
     with pytest.raises(SettingsError, match=r"not installed: pip install onnxruntime"):
         PersonModel(file, engine="onnxruntime")
-    with pytest.raises(SettingsError, match="model_providers CUDA: they are onnxruntime's"):
+    with pytest.raises(SettingsError, match="model_providers CUDA: it is onnxruntime's"):
         PersonModel(file, providers=["CUDA"])
+    with pytest.raises(SettingsError, match="model_threads 2: it is onnxruntime's"):
+        PersonModel(file, threads=2)
 
 
 def test_an_unknown_provider_gets_those_that_there_are(tmp_path: Path) -> None:
