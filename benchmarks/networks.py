@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -25,6 +25,7 @@ import typer
 from numpy.typing import NDArray
 
 from benchmarks.common import Figure, Json, T, Write, data_folder, publish, write_json
+from heel.schemas import FrameId
 from heel.schemas.errors import HeelError
 from heel.services.detector.settings import DetectorSettings
 from heel.services.networks.engines import onnxruntime
@@ -43,20 +44,15 @@ _SEQUENCE = "PETS09-S2L1"
 _SCORE = 0.3
 _LOOKS = {"whole frames": 0, "with closer looks": 2}
 _ENGINES: tuple[EngineName, ...] = ("opencv", "onnxruntime")
+_AT_A_TIME = 10
+"""Frames; chosen by hand."""
+Taken = tuple[FrameId, NDArray[np.uint8], tuple[int, int]]
+"""Its name, its picture and the size of the source."""
 Times = dict[tuple[str, str], list[tuple[float, float]]]
 """By network (or what the detector does with it) and engine: processor and wall time, ms."""
 
 
-def pictures(recording: Path, count: int) -> Iterator[NDArray[np.uint8]]:
-    """The first frames of a recording, 640 pixels wide."""
-    with RecordedFrames(str(recording)) as frames:
-        for _, image, _ in itertools.islice(frames, count):
-            height = round(image.shape[0] * _WIDTH / image.shape[1])
-            small = cv2.resize(image, (_WIDTH, height), interpolation=cv2.INTER_AREA)
-            yield np.asarray(small, np.uint8)
-
-
-def networks(files: list[Path], recording: Path, count: int) -> Times:
+def networks(files: list[Path], frames: Sequence[Taken]) -> Times:
     """One look at a whole picture: laid out, run, read."""
     looks: dict[tuple[str, str], Callable[[NDArray[np.uint8]], object]] = {}
     for file in files:
@@ -64,23 +60,16 @@ def networks(files: list[Path], recording: Path, count: int) -> Times:
             looks[file.stem, "opencv"] = PersonMask(file).of
             continue
         for engine in _ENGINES:
-            model = PersonModel(file, engine=engine)
-            looks[file.stem, engine] = partial(_found, model)
+            looks[file.stem, engine] = partial(_found, PersonModel(file, engine=engine))
     times: Times = {name: [] for name in looks}
-    for turn, image in enumerate(pictures(recording, count)):
-        order = list(looks.items())
-        for name, look in order if turn % 2 == 0 else reversed(order):
-            times[name].append(_timed(partial(look, image))[1])
+    for name, (_, image, _) in _in_turns(list(looks), frames):
+        times[name].append(_timed(partial(looks[name], image))[1])
     return times
 
 
-def _found(model: PersonModel, image: NDArray[np.uint8]) -> object:
-    return model.detect(image, _SCORE)
-
-
-def detectors(files: list[Path], recording: Path, count: int) -> Times:
+def detectors(files: list[Path], frames: Sequence[Taken]) -> Times:
     """The detector on every frame, with the tracks of its own boxes fed back."""
-    pipelines = {
+    pipelines: dict[tuple[str, str], InProcessPipeline] = {
         (f"{file.stem}, {what}", engine): InProcessPipeline(
             DetectorSettings(model=file, model_engine=engine, model_closer_looks=looks),
             TrackerSettings(),
@@ -90,17 +79,34 @@ def detectors(files: list[Path], recording: Path, count: int) -> Times:
         for engine in _ENGINES
     }  # fmt: skip
     times: Times = {name: [] for name in pipelines}
+    for name, taken in _in_turns(list(pipelines), frames):
+        blobs, spent = _timed(partial(pipelines[name].detect, *taken))
+        times[name].append(spent)
+        pipelines[name].track(blobs)
+        pipelines[name].settle()
+    return times
+
+
+def _in_turns(
+    names: list[tuple[str, str]], frames: Sequence[Taken]
+) -> Iterator[tuple[tuple[str, str], Taken]]:
+    """Every frame to everyone, some at a time, so that each finds its weights in the caches."""
+    for turn, first in enumerate(range(0, len(frames), _AT_A_TIME)):
+        for name in names if turn % 2 == 0 else reversed(names):
+            for taken in frames[first : first + _AT_A_TIME]:
+                yield name, taken
+
+
+def read_frames(recording: Path, count: int) -> list[Taken]:
+    """The first frames of a recording, 640 pixels wide."""
     with RecordedFrames(str(recording)) as source:
         width = source.source.width
     with RecordedFrames(str(recording), scale=_WIDTH / width) as frames:
-        for turn, (frame, image, size) in enumerate(itertools.islice(frames, count)):
-            order = list(pipelines.items())
-            for name, pipeline in order if turn % 2 == 0 else reversed(order):
-                blobs, spent = _timed(partial(pipeline.detect, frame, image, size))
-                times[name].append(spent)
-                pipeline.track(blobs)
-                pipeline.settle()
-    return times
+        return list(itertools.islice(frames, count))
+
+
+def _found(model: PersonModel, image: NDArray[np.uint8]) -> object:
+    return model.detect(image, _SCORE)
 
 
 def _timed(call: Callable[[], T]) -> tuple[T, tuple[float, float]]:
@@ -156,8 +162,9 @@ def main(
     cv2.setNumThreads(1)
     process.keep_freed_memory()
     warm_up()
-    lines, figures = table("a look at 640x480", networks(files, recording, frames))
-    more, others = table("detector, 640x480", detectors(files, recording, frames))
+    taken = read_frames(recording, frames)
+    lines, figures = table("a look at 640x480", networks(files, taken))
+    more, others = table("detector, 640x480", detectors(files, taken))
     publish("\n".join([*lines, "", *more]) + "\n", write, "networks")
     write_json([*figures, *others], json)
 
