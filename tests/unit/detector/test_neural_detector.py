@@ -158,3 +158,22 @@ def test_a_package_adds_a_detector_by_an_entry_point() -> None:
 def test_a_detector_that_is_not_there_is_named(name: str, message: str) -> None:
     with pytest.raises(SettingsError, match=message):
         Detector(DetectorSettings(detector=name))
+
+
+def test_engine_providers_threads_and_head_are_those_of_the_settings(
+    model: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    pytest.importorskip("onnxruntime")
+    with caplog.at_level("INFO", "heel.detector"):
+        Detector(DetectorSettings(model=model, model_engine="opencv"))
+        Detector(DetectorSettings(model=model, model_engine="onnxruntime", model_threads=2))
+    said = [record.getMessage() for record in caplog.records if "network" in record.getMessage()]
+    assert "by OpenCV" in said[0]
+    assert "by onnxruntime" in said[1]
+    for given, message in (
+        ({"model_providers": "NPU3000"}, "model_providers NPU3000: this onnxruntime has"),
+        ({"model_engine": "opencv", "model_threads": 2}, "model_threads 2: it is onnxruntime's"),
+        ({"model_head": "yolov10"}, "its 6 columns are not those of yolov10"),
+    ):
+        with pytest.raises(SettingsError, match=message):
+            Detector(DetectorSettings.model_validate({"model": model, **given}))

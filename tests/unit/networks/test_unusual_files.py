@@ -297,6 +297,45 @@ def third_of_three(model: Any) -> None:
     helper.set_model_props(model, {"names": "{0: 'car', 1: 'dog', 2: 'Person'}", "task": "detect"})
 
 
+def with_objectness(model: Any, score_in: int) -> str:
+    """Rows of box, objectness and class; the score in one of the two, 1 in the other."""
+    first(model, "Add").output[0] = "five_rows"
+    spread = np.zeros((6, 5), np.float32)
+    spread[:4, :4] = np.eye(4)
+    spread[score_in, 4] = 1.0
+    one = np.zeros((1, 6, 1), np.float32)
+    one[0, 9 - score_in] = 1.0
+    model.graph.initializer.extend([weight("spread", spread), weight("one", one)])
+    model.graph.node.extend([
+        helper.make_node("MatMul", ["spread", "five_rows"], ["six"]),
+        helper.make_node("Add", ["six", "one"], ["six_rows"]),
+    ])  # fmt: skip
+    helper.set_model_props(model, {"names": "['person']"})
+    return "six_rows"
+
+
+def as_rows(model: Any, columns: str, count: int) -> None:
+    last = model.graph.output[0].name
+    model.graph.node.append(helper.make_node("Transpose", [columns], [last], perm=[0, 2, 1]))
+    model.graph.output[0].type.tensor_type.shape.CopyFrom(
+        helper.make_tensor_value_info("", 1, [1, count, 6]).type.tensor_type.shape
+    )
+
+
+def yolov6(model: Any) -> None:
+    as_rows(model, with_objectness(model, 5), 84)
+
+
+def yolov5(model: Any) -> None:
+    """Three rows for every cell, grid by grid."""
+    grids = np.split(np.arange(84), [64, 80])
+    order = np.concatenate([np.tile(grid, 3) for grid in grids])
+    model.graph.initializer.append(weight("order", order, np.int64))
+    rows = with_objectness(model, 4)
+    model.graph.node.append(helper.make_node("Gather", [rows, "order"], ["anchors"], axis=2))
+    as_rows(model, "anchors", 252)
+
+
 def newer(opset: int, ir: int) -> Change:
     def change(model: Any) -> None:
         model.opset_import[0].version, model.ir_version = opset, ir
@@ -343,12 +382,15 @@ READ: dict[str, tuple[Change, dict[str, Any]]] = {
     "opset 14": (newer(14, 8), {}),
     "opset 21": (newer(21, 10), {}),
     "the person is the third class": (third_of_three, {}),
+    "YOLOv5": (yolov5, {}),
+    "YOLOv6": (yolov6, {}),
     "YOLOv10 of Ultralytics": (yolov10_of_ultralytics, {}),
     "a list, as YOLOv10": (boxes_chosen("yolov10"), {"head": "yolov10", "person_class": 0}),
     "a list, as YOLOv7": (boxes_chosen("yolov7-nms"), {"head": "yolov7-nms", "person_class": 0}),
     "non-maximum suppression inside": (suppressed, {"head": "yolov10", "person_class": 0}),
 }  # fmt: skip
 
+HEADS = {"YOLOv5": "yolov5", "YOLOv6": "yolov6", "YOLOv10 of Ultralytics": "yolov10"}
 NOT_RUN = {"no number of pictures"}
 """What onnxruntime does not run as it is; right is what it makes of the network before."""
 
@@ -369,6 +411,7 @@ def test_what_is_unusual_is_read_right(case: str, engine: EngineName, tmp_path: 
     assert found.boxes[0] == pytest.approx(BOX, abs=0.1)
     assert found.scores[0] == pytest.approx(1.0, abs=0.25 if "maximum" in case else 0.01)
     assert len(found.boxes) == 1
+    assert model.head == HEADS.get(case, given.get("head", "yolov8"))
     blob = person_model._blob(image, model._head.form)
     as_it_is = red_finder(tmp_path / "plain.onnx", "yolov8") if case in NOT_RUN else file
     right = golden(as_it_is, blob)
