@@ -161,6 +161,8 @@ class Users:
         return found or self._everything[path]
 
     def _read(self, path: str, tree: ast.Module) -> None:
+        functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+        inside = {node.name: set(_names(node)) for node in functions}
         for statement in tree.body:
             if isinstance(statement, ast.Assign | ast.AnnAssign):
                 targets = (
@@ -169,7 +171,9 @@ class Users:
                 made = {one.id for each in targets for one in ast.walk(each)
                         if isinstance(one, ast.Name)}  # fmt: skip
                 for name in _names(statement):
-                    self._derived[name] |= made
+                    # What a function makes at import is made of the constants that it uses.
+                    for used in {name} | inside.get(name, set()):
+                        self._derived[used] |= made
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 first = min([node.lineno, *(one.lineno for one in node.decorator_list)])

@@ -64,6 +64,18 @@ def test_tests_that_run_a_user_of_the_constant_are_asked_the_most_specific_first
     assert coverage.tests_of(users) == ["narrow", "broad"]
 
 
+def test_what_a_function_makes_at_import_is_made_of_the_constants_that_it_uses(
+    tmp_path: Path,
+) -> None:
+    _tree(
+        tmp_path,
+        one="A = 3\n\n\ndef table():\n    return [A]\n\n\nB = table()\n\n\n"
+        "def use():\n    return B\n",
+    )
+    users = Users(tmp_path, "services/room").of("services/room/one.py", "A")
+    assert ("services/room/one.py", 11) in users
+
+
 def test_numbers_that_are_pinned_are_asked_first_and_long_tests_are_passed_over() -> None:
     used = {("one.py", 1)}
     broad = used | {("one.py", 5)}

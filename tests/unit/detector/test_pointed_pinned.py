@@ -362,8 +362,15 @@ def test_how_long_pictures_are_compared(pinned: Pinned) -> None:
 
 
 def test_where_movement_is_looked_for(pinned: Pinned) -> None:
+    """What is cut out around a body, and which of its pixels are body, or beside it."""
+    part, shown = proof_module._around(grey_of(seen(240.0)), person_box(240.0, 150.0), np.eye(3))
     masks = (proof_module._IS_BODY, proof_module._IS_BESIDE, *proof_module._SIDES)
-    pinned({f"{at}": [*mask.shape, int(mask.sum())] for at, mask in enumerate(masks)})
+    pinned(
+        {
+            "part": [*part.shape, int(shown.sum())],
+            **{f"{at}": [*mask.shape, int(mask.sum())] for at, mask in enumerate(masks)},
+        }
+    )
 
 
 def test_flow_of_the_background(pinned: Pinned) -> None:
