@@ -59,7 +59,7 @@ docs: $(READY)  ## build the documentation site in site/, with strict links
 
 check: lint layers types test  ## everything but Docker and the slow tests
 
-mutants: $(READY)  ## halve and double every constant of detector, tracker, follower: does a unit test notice? (hours)
+mutants: $(READY)  ## halve and double every constant of detector, tracker, follower: does a unit test notice? (an hour or two)
 	$(BIN)/python -m benchmarks.mutants --write docs/records/mutants.md
 
 same: $(READY)  ## does everything still come out the same, on all recordings, scenes and episodes

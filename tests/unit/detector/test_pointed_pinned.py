@@ -510,13 +510,8 @@ SCRIPTS: dict[str, Callable[[], Script]] = {
         *[seen(240.0)] * 15, *[seen(None)] * 12, *[mixed(0.3)] * 6, *[mixed(0.15)] * 6
     ),
     "in other clothes": lambda: still(*(mixed(min(1.0, seq / 30)) for seq in range(40))),
-    "in other clothes, slowly": lambda: still(
+    "clothes changed slowly": lambda: still(
         *[_clothed(SHIRT)] * 60, *(mixed(seq / 40) for seq in range(32))
-    ),
-    "leaves slowly": lambda: still(*(seen(455.0 + 1.5 * seq) for seq in range(34))),
-    "hardly there": lambda: still(
-        *[figure(faint=0.12)] * 8, *[figure(faint=0.1, x=242.0)] * 6, *[figure(faint=0.06)] * 4,
-        *[smooth(seen(None))] * 3,
     ),
     "before another wall": lambda: still(*(striped(seq) for seq in range(40))),
     "faint": lambda: still(*(figure(faint=0.3) for _ in range(12)),
@@ -537,8 +532,7 @@ def test_a_person_looked_for(name: str, pinned: Pinned) -> None:
     script = SCRIPTS[name]()
     x, height = {
         "runs and stops": (140.0, 150.0), "comes": (240.0, 140.0), "comes near": (240.0, 300.0),
-        "goes": (240.0, 220.0), "leaves the picture": (380.0, 150.0),
-        "leaves slowly": (455.0, 150.0), "twin": (240.0, 180.0),
+        "goes": (240.0, 220.0), "leaves the picture": (380.0, 150.0), "twin": (240.0, 180.0),
         "walks out of sight": (200.0, 150.0), "pauses": (100.0, 150.0),
     }.get(name, (240.0, 150.0))  # fmt: skip
     person, rows = PointedPerson(person_box(x, height), HEIGHT), cast(dict[str, Row], {})
