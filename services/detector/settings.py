@@ -32,6 +32,7 @@ NO_NETWORK = (
 _LEARNED = ("auto", "mixture", "ego")
 _USED_BY: dict[str, tuple[str, ...]] = {
     "model": ("onnx",),
+    "model_near": ("onnx",),
     "model_class": ("onnx",),
     "model_head": ("onnx",),
     "model_engine": ("onnx",),
@@ -89,6 +90,12 @@ class DetectorSettings(BaseModel):
         description="network that finds people (onnx, auto): a name of `heel models list`, an ONNX "
         "file, or none; not given, one that `heel models get` has brought is used",
     )
+    model_near: ModelFile = Field(
+        default=None,
+        description="onnx: a second, smaller network that looks at every frame and closer at the "
+        "people in it, a name or a file; the model itself then sees a whole frame about eight "
+        "times a second",
+    )
     model_class: Annotated[int, Field(ge=0, le=100_000)] | None = Field(
         default=None,
         description="onnx: number of the class that is a person, from 0, for a file that does not "
@@ -123,10 +130,11 @@ class DetectorSettings(BaseModel):
         description="onnx, live: mean time of the network a frame that is kept, ms; less looks at "
         "fewer frames; 0: no bound, as always in a lossless run",
     )
-    model_closer_looks: Annotated[int, Field(ge=0, le=8)] = Field(
-        default=2,
+    model_closer_looks: Annotated[int, Field(ge=0, le=8)] | None = Field(
+        default=None,
         description="onnx: most parts of a frame on which the network runs again, enlarged; more "
-        "finds small people sooner and takes longer",
+        "finds small people sooner and takes longer [default: 2 for an input of 416x416 pixels, 8 "
+        "for one of 192x192, and between by their number]",
     )
     bridge_s: Annotated[float, Field(ge=0, le=5)] = Field(
         default=0.2,

@@ -36,19 +36,22 @@ class Budget:
         self._part_ms: float | None = None
         self._since_whole = 0
 
-    def choose(self, parts_wanted: int) -> Looks:
+    def choose(self, parts_wanted: int, whole_due: bool = True) -> Looks:
         """What to look at in the next frame.
 
         Args:
             parts_wanted: how many parts of the frame are worth a closer look.
+            whole_due: whether it is time for a whole frame, where they have a period of their own.
         """
         if self._budget_ms == 0:
-            return Looks(True, parts_wanted)
+            return Looks(whole_due, parts_wanted)
         self._since_whole += 1
         most_ms = max(self._budget_ms, _SAVED_LOOKS * (self._whole_ms or self._budget_ms))
         self._saved_ms = min(self._saved_ms + self._budget_ms, most_ms)
         if self._whole_ms is None:
             return Looks(True, 0)
+        if not whole_due:
+            return Looks(False, self._affordable(parts_wanted, self._saved_ms))
         due_in = max(0, self._period() - self._since_whole) if parts_wanted else 0
         if due_in == 0:
             if self._saved_ms < self._whole_ms:

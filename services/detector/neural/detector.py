@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,7 +24,15 @@ from heel.services.detector.neural.between import (
     confirmed_people,
     newcomers,
 )
-from heel.services.detector.neural.views import Attention, View, Views, look, nobody, together
+from heel.services.detector.neural.views import (
+    Attention,
+    View,
+    Views,
+    look,
+    nobody,
+    together,
+    usual_looks,
+)
 from heel.services.detector.scene import Scene, Scenes, WorkSize
 from heel.services.detector.settings import DetectorSettings
 from heel.services.geometry.picture_motion import CameraPath, EgoMotion, MotionEstimate
@@ -31,20 +40,26 @@ from heel.services.networks.budget import Budget
 from heel.services.networks.onnx_file import doubtful
 from heel.services.networks.person_model import Detections, PersonModel
 
+_WHOLE_PERIOD_NS = 120_000_000
+"""Time between whole frames that the larger of two networks sees: who has come in is known so much
+later, and pixels bridge less than `bridge_s`. By capture times, so that a recording decides it."""
 _log = logging.getLogger("heel.detector")
 Clock = Callable[[], float]
 """Seconds, of any origin."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class _People:
     """What is known of the people and the camera of one scene."""
 
     views: Views
+    near_whole: View
     attention: Attention
     between: Between
     ego: EgoMotion
     path: CameraPath
+    whole_ns: int = -_WHOLE_PERIOD_NS
+    """When the network last saw a whole frame, of the near network's looks apart."""
 
 
 class NeuralDetector:
@@ -63,15 +78,13 @@ class NeuralDetector:
         """
         if settings.model is None:
             raise SettingsError("detector onnx needs --model FILE: an ONNX network, see the README")
-        self._model = PersonModel(
-            Path(settings.model), settings.model_class, head=settings.model_head,
-            engine=settings.model_engine, providers=settings.model_providers,
-            threads=settings.model_threads,
-        )  # fmt: skip
-        _log.info("network %s: %s", settings.model, self._model.description)
-        if (doubt := doubtful(Path(settings.model))) is not None:
-            _log.warning("network %s: %s", settings.model, doubt)
         self._settings = settings
+        self._model = self._loaded(
+            settings.model, person_class=settings.model_class, head=settings.model_head
+        )
+        self._near = self._model
+        if settings.model_near is not None:
+            self._near = self._loaded(settings.model_near)
         self._clock = clock
         self._budget = Budget(settings.model_budget_ms if clock is not None else 0.0)
         self._scenes = Scenes(settings.work_width_px, self._begin)
@@ -87,8 +100,7 @@ class NeuralDetector:
         people.path.add(frame.id.seq, step)
         known = confirmed_people(feedback, frame.id, people.path)
         expected = [*known, *newcomers(people.between.people, known, step)]
-        parts = people.attention.next_views(expected, self._settings.model_closer_looks)
-        found = self._look(frame.image, people.views, parts)
+        found = self._look(frame, people, people.attention.next_views(expected))
         seen = [
             SeenPerson((left, top, right, bottom), min(1.0, score))
             for (left, top, right, bottom), score in zip(
@@ -106,12 +118,25 @@ class NeuralDetector:
         )  # fmt: skip
 
     def _begin(self, size: WorkSize) -> _People:
-        views = Views(
-            (size.frame_width, size.frame_height), (self._model.width, self._model.height)
-        )
-        return _People(
-            views, Attention(views), Between(self._settings.bridge_s), EgoMotion(), CameraPath()
-        )
+        frame_size = (size.frame_width, size.frame_height)
+        views = Views(frame_size, self._input(self._model))
+        near = Views(frame_size, self._input(self._near), near=True)
+        most = self._most_looks(self._near)
+        if self._near is self._model:
+            attention = Attention(views, most)
+        else:
+            far = min(most, usual_looks(self._input(self._model)))
+            attention = Attention(views, far, (near, most))
+        between = Between(self._settings.bridge_s)
+        return _People(views, near.whole, attention, between, EgoMotion(), CameraPath())
+
+    def _most_looks(self, model: PersonModel) -> int:
+        chosen = self._settings.model_closer_looks
+        return usual_looks(self._input(model)) if chosen is None else chosen
+
+    @staticmethod
+    def _input(model: PersonModel) -> tuple[int, int]:
+        return model.width, model.height
 
     def _ego_motion(
         self, scene: Scene[_People], frame: Frame, feedback: Tracks | None
@@ -120,24 +145,42 @@ class NeuralDetector:
         grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
         return scene.state.ego.update(grey, free_mask(feedback, frame.id, scene.size))
 
-    def _look(self, image: NDArray[np.uint8], views: Views, parts: Sequence[View]) -> Detections:
-        looks = self._budget.choose(len(parts))
+    def _look(self, frame: Frame, people: _People, parts: Sequence[View]) -> Detections:
+        two = self._near is not self._model
+        due = not two or frame.id.t_capture_ns - people.whole_ns >= _WHOLE_PERIOD_NS
+        looks = self._budget.choose(len(parts) + two, due)
+        if two and not looks.whole:
+            # Of the whole frame the near network shows at least those that are large.
+            parts = [people.near_whole, *parts]
         found, whole_ms = nobody(), None
         if looks.whole:
-            found, whole_ms = self._timed(image, views, views.whole)
+            people.whole_ns = frame.id.t_capture_ns
+            found, whole_ms = self._timed(self._model, frame.image, people.views.whole)
         parts_ms = []
         for part in parts[: looks.parts]:
-            close, part_ms = self._timed(image, views, part)
+            model = self._near if part.near else self._model
+            close, part_ms = self._timed(model, frame.image, part)
             found = together(found, close, part)
             parts_ms.append(part_ms)
         self._budget.spent(whole_ms, parts_ms)
         return found
 
     def _timed(
-        self, image: NDArray[np.uint8], views: Views, part: View
+        self, model: PersonModel, image: NDArray[np.uint8], part: View
     ) -> tuple[Detections, float]:
         started_s = self._clock() if self._clock is not None else 0.0
-        found = look(self._model, image, views, self._settings.model_score, part)
+        found = look(model, image, self._settings.model_score, part)
         if self._clock is None:
             return found, 0.0
         return found, 1e3 * (self._clock() - started_s)
+
+    def _loaded(self, file: Path, **told: Any) -> PersonModel:
+        settings = self._settings
+        model = PersonModel(
+            Path(file), engine=settings.model_engine, providers=settings.model_providers,
+            threads=settings.model_threads, **told,
+        )  # fmt: skip
+        _log.info("network %s: %s", file, model.description)
+        if (doubt := doubtful(Path(file))) is not None:
+            _log.warning("network %s: %s", file, doubt)
+        return model

@@ -16,16 +16,25 @@ from heel.schemas.base import BoxXyxy
 from heel.services.geometry.boxes import cover_matrix, iou_matrix
 from heel.services.networks.person_model import Detections, PersonModel, without_doubles
 
-_HEIGHTS = 4.0
-"""Height of a view, in heights of the person it is for: the person is then about 100 of a network's
-416 pixels high, the size at which it finds most, and the neighbours are in the view as well."""
+_PERSON_PX = 104.0
+"""Of the network's input: height of the person that a view is for. Networks of 192 and of 416
+pixels alike find most people at 50 to 160, and the neighbours are to be in the view as well."""
+_PERSON_SHARE = 0.5  # of the input's height, at most: as much again is around the person
+_MOST_ZOOM = 1.5
+"""Of the frame's own pixels: enlarged further they are blurred, and fewer people are found."""
 _LEAST_GAIN = 1.25  # a view that enlarges less than this against the whole frame shows nothing new
 _TILE_GAIN = 2.0  # how much the tiles of a search enlarge; chosen by hand
+_NEAR_LEAST_PX = 56.0
+"""Height in the frame from which the smaller of two networks finds a person as well as the larger:
+of people of 42 pixels it finds 68 to 80 of 100, the larger one 92 to 100, at 65 both 92 to 98."""
 _NEWCOMER_TURN = 2
 """A person without an identity waits as long as one that was looked at so many frames ago."""
-_SEARCH_TURN = 8
-"""Where nobody is expected is looked at every so many frames, and in every one as long as nobody is
-expected anywhere."""
+_SEARCH_LOOKS = 16
+"""Where nobody is expected one look goes among so many that a frame may have, and one in every
+frame as long as nobody is expected anywhere."""
+_FRAME_PIXELS = 350_000
+"""That a network is shown of a frame, in closer looks: two of 416x416 pixels, eight of 192x192."""
+_MOST_LOOKS = 8
 _EDGE_SHARE = 0.01
 """Boxes nearer to the edge of a view than this share of its height are cut off by it."""
 _SAME_IOU = 0.4  # from this overlap on a box of the frame and one of a view are of the same person
@@ -35,12 +44,13 @@ _FRAGMENT = 0.7
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A part of a frame, whole pixels."""
+    """A part of a frame, whole pixels, and whether the smaller of two networks is to see it."""
 
     left: int
     top: int
     width: int
     height: int
+    near: bool = False
 
     def holds(self, box: BoxXyxy) -> bool:
         """Whether a box lies wholly inside."""
@@ -65,17 +75,20 @@ class View:
 class Views:
     """The views of frames of one size."""
 
-    def __init__(self, frame_size: tuple[int, int], input_size: tuple[int, int]) -> None:
+    def __init__(
+        self, frame_size: tuple[int, int], input_size: tuple[int, int], near: bool = False
+    ) -> None:
         """Of frames and for a network input of these widths and heights, pixels."""
-        self._frame, self._input = frame_size, input_size
-        self.whole = View(0, 0, *frame_size)
+        self._frame, self._input, self._near = frame_size, input_size, near
+        self.whole = View(0, 0, *frame_size, near)
         self._whole_scale = self._scale(self.whole)
         self.tiles = self._tiled()
 
     def around(self, box: BoxXyxy) -> View | None:
         """The view for a person in this box; None where the whole frame shows them as well."""
-        height = _HEIGHTS * max(1.0, box[3] - box[1])
-        width = height * self._input[0] / self._input[1]
+        person_px = min(_PERSON_PX, _PERSON_SHARE * self._input[1])
+        zoom = min(_MOST_ZOOM, person_px / max(1.0, box[3] - box[1]))
+        width, height = (side / zoom for side in self._input)
         view = self._placed((box[0] + box[2]) / 2, (box[1] + box[3]) / 2, width, height)
         return view if self._scale(view) >= _LEAST_GAIN * self._whole_scale else None
 
@@ -88,7 +101,7 @@ class Views:
         h = max(1, min(round(height), self._frame[1]))
         left = min(max(0, round(x - w / 2)), self._frame[0] - w)
         top = min(max(0, round(y - h / 2)), self._frame[1] - h)
-        return View(left, top, w, h)
+        return View(left, top, w, h, self._near)
 
     def _tiled(self) -> tuple[View, ...]:
         """Views that together cover the frame, overlapping; none where it is small anyway."""
@@ -127,23 +140,30 @@ class Expected:
 class Attention:
     """Chooses the views of a frame."""
 
-    def __init__(self, views: Views) -> None:
-        """Start with nobody looked at."""
-        self._views = views
+    def __init__(self, views: Views, most: int, near: tuple[Views, int] | None = None) -> None:
+        """Start with nobody looked at.
+
+        Args:
+            views: of the network, for whom it looks at whole frames.
+            most: views of it in a frame.
+            near: of a second, smaller network for those that are not small; and most views of both.
+        """
+        self._views, self._most_far = views, most
+        self._near, self._most = near or (views, most)
+        self._search_turn = -(-_SEARCH_LOOKS // max(1, most))
         self._looked: dict[int, int] = {}
         self._searched, self._tile, self._turn = 0, 0, 0
 
-    def next_views(self, expected: Sequence[Expected], most: int) -> list[View]:
+    def next_views(self, expected: Sequence[Expected]) -> list[View]:
         """The views of the people that have waited longest, and now and then a tile of the frame.
 
         None where a closer look at anybody would show no more than the whole frame does.
 
         Args:
             expected: people likely to be in this frame.
-            most: number of views.
         """
         views: list[View] = []
-        while len(views) < most and (view := self._next_view(expected, views)) is not None:
+        while len(views) < self._most and (view := self._next_view(expected, views)) is not None:
             views.append(view)
         return views
 
@@ -151,14 +171,19 @@ class Attention:
         self._turn += not chosen
         known = {person.track_id for person in expected}
         self._looked = {one: turn for one, turn in self._looked.items() if one in known}
+        far_left = sum(not view.near for view in chosen) < self._most_far
         waiting = [
             (self._last_look(person), view)
             for person in expected
             if not any(view.holds(person.box_xyxy) for view in chosen)
-            and (view := self._views.around(person.box_xyxy)) is not None
+            and (view := self._around(person.box_xyxy)) is not None
+            and (view.near or far_left)
         ]
-        tiles = self._views.tiles
-        if tiles and (not expected or self._turn - self._searched >= _SEARCH_TURN):
+        if (
+            self._views.tiles
+            and far_left
+            and (not expected or self._turn - self._searched >= self._search_turn)
+        ):
             return self._search(expected)
         if not waiting:
             return None
@@ -167,13 +192,17 @@ class Attention:
         return view
 
     def _search(self, expected: Sequence[Expected]) -> View | None:
-        tiles = self._views.tiles
         if self._searched == self._turn:
             return None
         self._searched = self._turn
+        tiles = self._views.tiles
         self._tile = (self._tile + 1) % len(tiles)
         self._note(tiles[self._tile], expected)
         return tiles[self._tile]
+
+    def _around(self, box: BoxXyxy) -> View | None:
+        small = box[3] - box[1] < _NEAR_LEAST_PX
+        return (self._views if small else self._near).around(box)
 
     def _last_look(self, person: Expected) -> int:
         if person.track_id is None:
@@ -186,15 +215,20 @@ class Attention:
                 self._looked[person.track_id] = self._turn
 
 
+def usual_looks(input_size: tuple[int, int]) -> int:
+    """Closer looks in a frame by a network with an input of this width and height, pixels."""
+    width, height = input_size
+    return min(_MOST_LOOKS, max(1, round(_FRAME_PIXELS / (width * height))))
+
+
 def look(
-    model: PersonModel, image: NDArray[np.uint8], views: Views, least_score: float, part: View
+    model: PersonModel, image: NDArray[np.uint8], least_score: float, part: View
 ) -> Detections:
     """People in a part of a frame, whole ones only.
 
     Args:
         model: the network.
         image: (H, W, 3) uint8 BGR, the frame.
-        views: of frames of this size.
         least_score: of a person.
         part: the part, or the whole frame.
 
@@ -205,7 +239,7 @@ def look(
     found = model.detect(pixels, least_score)
     offset = np.array([part.left, part.top, part.left, part.top], np.float32)
     boxes = found.boxes + offset
-    size, margin = (views.whole.width, views.whole.height), _EDGE_SHARE * part.height
+    size, margin = (image.shape[1], image.shape[0]), _EDGE_SHARE * part.height
     good = [not part.cuts((a, b, c, d), *size, margin) for a, b, c, d in boxes.tolist()]
     return Detections(boxes[good], found.scores[good])
 

@@ -106,6 +106,37 @@ def test_a_budget_that_is_spent_skips_frames(model: Path) -> None:
     assert 8 <= len(looked) <= 11
 
 
+@pytest.fixture
+def near(tmp_path: Path) -> Path:
+    """A network that sees a quarter as much, and takes what is red for twice as large."""
+    return red_finder(tmp_path / "near.onnx", width=32, height=32)
+
+
+def test_of_two_networks_the_smaller_sees_every_frame_and_the_other_eight_a_second(
+    model: Path, near: Path
+) -> None:
+    settings = DetectorSettings(model=model, model_near=near)
+    seen = play(settings, (160, 80, 80, 80), frames=24)
+    widths = [max(right - left for left, _, right, _ in boxes_of(message)) for message in seen]
+    whole = [seq for seq, width in enumerate(widths) if width < 200]
+    assert frame_id(2).t_capture_ns >= 120_000_000 > frame_id(1).t_capture_ns
+    assert whole == list(range(0, 24, 2))
+
+
+def test_two_networks_find_the_same_whatever_the_clock_says_without_a_budget(
+    model: Path, near: Path
+) -> None:
+    settings = DetectorSettings(model=model, model_near=near)
+    red = (142, 62, 16, 16)
+    ticks = iter(np.geomspace(1.0, 1e6, 5000))
+    timed = play(settings, red, frames=12, clock=lambda: float(next(ticks)))
+    assert timed == play(settings, red, frames=12)
+
+
+def boxes_of(message: Blobs) -> list[tuple[float, float, float, float]]:
+    return [blob.box_xyxy for blob in message.blobs]
+
+
 class Nobody:
     """What a package of one's own would add."""
 

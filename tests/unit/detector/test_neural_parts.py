@@ -10,7 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from heel.services.detector.neural.between import Between, SeenPerson
-from heel.services.detector.neural.views import Attention, Expected, View, Views, together
+from heel.services.detector.neural.views import (
+    Attention,
+    Expected,
+    View,
+    Views,
+    together,
+    usual_looks,
+)
 from heel.services.geometry.patch_flow import followed
 from heel.services.networks.budget import Budget, Looks
 from heel.services.networks.person_model import Detections
@@ -23,12 +30,16 @@ def person(x: float, y: float, height: float) -> tuple[float, float, float, floa
     return (x - 0.2 * height, y - height / 2, x + 0.2 * height, y + height / 2)
 
 
+# At 104 pixels of the input, but enlarged by no more than 1.5.
+@pytest.mark.parametrize(("height", "side"), [(80, 320), (20, 277)])
 @pytest.mark.parametrize("place", [(480, 270), (5, 5), (955, 535)])
-def test_a_view_lies_in_the_frame_and_holds_the_person_it_is_for(place: tuple[int, int]) -> None:
-    box = person(*place, height=30)
+def test_a_view_lies_in_the_frame_and_holds_the_person_it_is_for(
+    place: tuple[int, int], height: float, side: int
+) -> None:
+    box = person(*place, height=height)
     view = Views(FRAME, INPUT).around(box)
     assert view is not None
-    assert (view.width, view.height) == (120, 120)
+    assert (view.width, view.height) == (side, side)
     assert 0 <= view.left <= FRAME[0] - view.width
     assert 0 <= view.top <= FRAME[1] - view.height
     assert view.left <= place[0] <= view.left + view.width
@@ -50,36 +61,52 @@ def test_tiles_cover_the_frame_and_overlap() -> None:
 
 def test_everybody_has_a_turn_and_the_frame_is_searched_besides() -> None:
     views = Views(FRAME, INPUT)
-    attention = Attention(views)
-    people = [Expected(person(x, 270, 30), x) for x in (100, 400, 700)]
-    chosen = [view for _ in range(16) for view in attention.next_views(people, most=1)]
+    attention = Attention(views, most=1)
+    people = [Expected(person(x, 270, 80), x) for x in (100, 400, 700)]
+    chosen = [view for _ in range(16) for view in attention.next_views(people)]
     assert len(chosen) == 16
     for one in people:
-        assert sum(view.holds(one.box_xyxy) and view.width == 120 for view in chosen) >= 4
+        assert sum(view.holds(one.box_xyxy) and view.width == 320 for view in chosen) >= 4
     assert 1 <= sum(view in views.tiles for view in chosen) <= 3
 
 
 def test_two_who_stand_together_share_a_view() -> None:
-    attention = Attention(Views((360, 240), INPUT))
+    attention = Attention(Views((360, 240), INPUT), most=2)
     beside = [Expected(person(100, 100, 40), 1), Expected(person(125, 100, 40), 2)]
-    assert len(attention.next_views(beside, most=2)) == 1
+    assert len(attention.next_views(beside)) == 1
     apart = [Expected(person(60, 100, 40), 1), Expected(person(300, 100, 40), 2)]
-    assert len(attention.next_views(apart, most=2)) == 2
+    assert len(attention.next_views(apart)) == 2
+
+
+def test_of_two_networks_the_smaller_looks_at_all_but_small_people() -> None:
+    attention = Attention(Views(FRAME, INPUT), 2, (Views(FRAME, (192, 192), near=True), 8))
+    small = [Expected(person(x, 100, 40), x) for x in (100, 400, 700)]
+    middling = [Expected(person(x, 400, 70), x) for x in (101, 401, 701)]
+    for _ in range(7):
+        views = attention.next_views([*small, *middling])
+        assert sum(not view.near for view in views) == 2
+        for one in middling:
+            assert any(view.near and view.holds(one.box_xyxy) for view in views)
 
 
 def test_nobody_expected_in_a_large_frame_is_searched_for_tile_by_tile() -> None:
     views = Views(FRAME, INPUT)
-    attention = Attention(views)
-    seen = {view for _ in views.tiles for view in attention.next_views([], most=2)}
+    attention = Attention(views, most=2)
+    seen = {view for _ in views.tiles for view in attention.next_views([])}
     assert seen == set(views.tiles)
 
 
 def test_with_people_known_the_frame_is_searched_now_and_then_even_if_there_is_time() -> None:
     views = Views(FRAME, INPUT)
-    attention = Attention(views)
+    attention = Attention(views, most=2)
     large = [Expected(person(400, 300, 200), 1)]
-    chosen = [attention.next_views(large, most=2) for _ in range(32)]
+    chosen = [attention.next_views(large) for _ in range(32)]
     assert sum(map(len, chosen)) == 4
+
+
+@pytest.mark.parametrize(("side", "looks"), [(640, 1), (416, 2), (320, 3), (192, 8), (64, 8)])
+def test_a_small_network_looks_closer_more_often(side: int, looks: int) -> None:
+    assert usual_looks((side, side)) == looks
 
 
 def found(*boxes: tuple[float, float, float, float, float]) -> Detections:
@@ -138,6 +165,17 @@ def test_whole_frames_come_first_then_parts() -> None:
     gaps = np.diff(np.flatnonzero([look.whole for look in scarce]))
     assert gaps.max() <= 12
     assert sum(look.parts for look in scarce) > 0.5 * len(scarce)
+
+
+def test_a_whole_frame_that_is_not_due_leaves_its_time_to_the_parts() -> None:
+    budget = Budget(30.0)
+    budget.spent(25.0, [])
+    assert budget.choose(2, whole_due=False) == Looks(False, 0)
+    for _ in range(3):
+        budget.spent(None, [2.0] * budget.choose(2, whole_due=False).parts)
+    assert budget.choose(2, whole_due=False) == Looks(False, 2)
+    assert budget.choose(2).whole
+    assert Budget(0.0).choose(2, whole_due=False) == Looks(False, 2)
 
 
 def test_without_a_bound_everything_is_looked_at_whatever_it_takes() -> None:

@@ -41,19 +41,19 @@ def test_turns(pinned: Pinned) -> None:
     """Known people, newcomers and nobody; the left edges of what is looked at in forty frames."""
     rows: dict[str, Row] = {}
     for known, new, most in itertools.product((0, 1, 3, 5), (0, 1), (1, 2)):
-        attention, row = Attention(Views(FRAME, INPUT)), cast(Row, [])
+        attention, row = Attention(Views(FRAME, INPUT), most), cast(Row, [])
         for turn in range(40):
             people = [Expected(person(90 + 180 * k, 270, 40), k) for k in range(known)]
             if new and turn % 3 == 0:
                 people.append(Expected(person(880, 450, 36), None))
-            row.append(" ".join(f"{v.left}/{v.width}" for v in attention.next_views(people, most)))
+            row.append(" ".join(f"{v.left}/{v.width}" for v in attention.next_views(people)))
         rows[f"{known} {new} {most}"] = row
     pinned(rows)
 
 
 def test_boxes_that_a_view_cuts(pinned: Pinned) -> None:
     """How near to each edge a box may come; the frame's own edges cut nobody."""
-    views, rows = Views((640, 480), INPUT), cast(dict[str, Row], {})
+    rows: dict[str, Row] = {}
     for part in (View(100, 100, 200, 200), View(0, 0, 200, 200), View(440, 280, 200, 200)):
         kept: Row = []
         for side, off in itertools.product(range(4), (0.0, 0.6, 1.2, 1.6, 2.4, 3.4, 5.0)):
@@ -61,8 +61,8 @@ def test_boxes_that_a_view_cuts(pinned: Pinned) -> None:
             inner[side] = off if side < 2 else 200.0 - off
             model = cast(Any, SimpleNamespace(detect=lambda *_, b=inner: found((*b, 0.9))))
             image: NDArray[np.uint8] = np.zeros((480, 640, 3), np.uint8)
-            kept.append(len(look(model, image, views, 0.3, part).boxes))
-        rows[f"{part}"] = kept
+            kept.append(len(look(model, image, 0.3, part).boxes))
+        rows[" ".join(map(str, of([part])))] = kept
     pinned(rows)
 
 

@@ -50,7 +50,7 @@ REFUSED: dict[str, set[str]] = {
 }
 """The methods that have no use for a setting."""
 OF_THE_METHOD = {
-    "preset", "detector", "options", "model", "model_class",
+    "preset", "detector", "options", "model", "model_near", "model_class",
     "model_head", "model_engine", "model_providers", "model_threads",
 }  # fmt: skip
 """Settings that choose a method or are its own; tests of their own look at them."""
@@ -148,6 +148,7 @@ def test_auto_reads_what_mixture_reads(name: str, model: Path) -> None:
         ({"options": "a=1"}, "options: detector auto does not read it, .* other packages"),
         ({"preset": "paper", "startup_s": 1.0}, "startup_s: detector mog2 does not read it"),
         ({"detector": "mixture", "model": "x.onnx"}, "model: detector mixture does not read it"),
+        ({"model_near": "x.onnx"}, "model_near: detector auto does not read it, it is for .* onnx"),
     ],
 )
 def test_a_setting_of_another_method_is_refused_with_the_remedy(
