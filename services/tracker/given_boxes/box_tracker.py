@@ -67,8 +67,6 @@ _TENTATIVE_S = 0.3
 _DOUBT_S = 10.0
 """Time out of sight in which the confidence in an identity falls to 1/e [s], appearance unknown;
 chosen by hand."""
-_GIVE_UP = 0.03
-"""Identity confidence below which a track gets a fresh id; chosen by hand."""
 _AWAY_S = 0.2
 """Time without a box [s] after which the next box is a return, and less a failure of the detector;
 chosen by hand."""
@@ -171,13 +169,16 @@ class BoxTracker:
             frame,
             self._elapsed_s,
         )
-        self._identity.learn(
+        refuted = self._identity.learn(
             [(self._tracks[i], j) for i, j in pairs],
             [(self._tracks[i], self._tracks[k]) for i, k in met],
-            {id(track) for track in self._tracks + self._recall.lost},
+            (self._tracks, self._recall.lost),
             frame,
             (t_s, self._elapsed_s),
         )
+        for doubt in refuted:
+            person = doubt.track.part(self._new_id(), doubt.gallery, t_s)
+            self._recall.lose(person, pictures=True)
 
     def _predict(self, t_s: float, camera: CameraStep | None) -> tuple[FloatArray, FloatArray]:
         elapsed_s = 0.0 if self._last_s is None else max(t_s - self._last_s, 0.0)
@@ -283,7 +284,7 @@ class BoxTracker:
             others = np.delete(sure[:, j], i)
             sure_back = self._sure_back(track, frame, j, unseen, t_s)
             track.doubt(float(others.sum()), float(others.max(initial=0.0)), sure_back)
-            if track.confirmed and not self._identity.open(track):
+            if track.confirmed and not self._identity.undecided(track):
                 away_s = 0.0 if pictures else t_s - track.seen_s
                 if self._in_doubt(track, away_s, float(others.sum())):
                     track.track_id, track.confidence = self._new_id(), 1.0
@@ -309,7 +310,7 @@ class BoxTracker:
     def _in_doubt(self, track: Track, away_s: float, rivals: float) -> bool:
         """Whether a box leaves the id so uncertain that a fresh one is given."""
         back = away_s > max(_AWAY_S, 1.5 * self._elapsed_s)
-        return track.confidence < _GIVE_UP or (back and rivals > self._tuning.rivals)
+        return track.confidence < self._tuning.give_up or (back and rivals > self._tuning.rivals)
 
     def _miss(self, alone: set[int], merged: set[int]) -> None:
         for index, track in enumerate(self._tracks):

@@ -14,6 +14,7 @@ from heel.services.tracker.given_boxes.frame import FrameBoxes
 from heel.services.tracker.given_boxes.geometry import FloatArray, crowding
 from heel.services.tracker.given_boxes.looks import LookModel
 from heel.services.tracker.given_boxes.track import Track
+from heel.services.tracker.given_boxes.verification import Verification, Verifications
 
 _DOUBTED = 0.9
 """Identity confidence from which a doubt is settled; chosen by hand."""
@@ -41,11 +42,16 @@ class Identity:
         """
         self.model = LookModel()
         self._contacts = Contacts(self.model)
+        self._verifications = Verifications(self.model)
         self._reassure = reassure
 
     def open(self, track: Track) -> bool:
-        """Whether the identity of a track is undecided."""
+        """Whether a contact with a known person leaves the identity of a track undecided."""
         return self._contacts.among(track)
+
+    def undecided(self, track: Track) -> bool:
+        """Whether a contact or a newcomer leaves the identity of a track undecided."""
+        return self.open(track) or self._verifications.open(track)
 
     def log_odds(self, tracks: list[Track], boxes: FloatArray, looks: FloatArray) -> FloatArray:
         """Log odds (N, M) that (M, 4) boxes with (M, D) descriptors are of the tracks.
@@ -122,32 +128,40 @@ class Identity:
         self,
         pairs: list[tuple[Track, int]],
         met: list[tuple[Track, Track]],
-        known: set[int],
+        tracks: tuple[list[Track], list[Track]],
         frame: FrameBoxes,
         times_s: tuple[float, float],
-    ) -> None:
+    ) -> list[Verification]:
         """Take in one frame.
 
         Args:
             pairs: tracks and the indices of their boxes.
             met: pairs of tracks that can be confused.
-            known: `id()` of every track in sight or remembered.
+            tracks: all in sight, and all remembered.
             frame: boxes and descriptors; without descriptors nothing is learned.
             times_s: now, and the time since the frame before.
+
+        Returns:
+            Identities to be given up: the track may be of a newcomer by now.
         """
         if frame.looks is None:
-            return
+            return []
         t_s, elapsed_s = times_s
         for first, second in met:
             if first.confirmed and second.confirmed:
                 self._contacts.touch(first, second, t_s)
         alone = crowding(frame.boxes) <= CLEAR
         clear = [(track, j) for track, j in pairs if alone[j]]
-        tracks, looks = [track for track, _ in clear], frame.looks[[j for _, j in clear]]
-        self._contacts.decide(tracks, looks, known, t_s, elapsed_s)
+        seen, looks = [track for track, _ in clear], frame.looks[[j for _, j in clear]]
+        known = {id(track) for group in tracks for track in group}
+        self._contacts.decide(seen, looks, known, t_s, elapsed_s)
         # A track that may be another person's adds nothing: its gallery is to decide that.
-        decided = [k for k, track in enumerate(tracks) if not self._contacts.among(track)]
-        self._remember([tracks[k] for k in decided], looks[decided])
+        decided = [k for k, track in enumerate(seen) if not self._contacts.among(track)]
+        self._verifications.note_newcomers(tracks[0], t_s)
+        refuted = self._verifications.decide([seen[k] for k in decided], looks[decided], elapsed_s)
+        sure = [k for k in decided if not self._verifications.keeps_from_learning(seen[k])]
+        self._remember([seen[k] for k in sure], looks[sure])
+        return refuted
 
     def _remember(self, tracks: list[Track], looks: FloatArray) -> None:
         known = [k for k, track in enumerate(tracks) if track.gallery.looks and track.confirmed]

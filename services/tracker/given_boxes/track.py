@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -86,6 +86,21 @@ class Track:
         self.proven = self.proven or old.proven
         if old.gallery.looks > self.gallery.looks:
             self.gallery, self.vouched = old.gallery, old.vouched
+
+    def part(self, fresh_id: int, gallery: Gallery, t_s: float) -> Track:
+        """Go on as a newcomer; returned is the person that this was, as last known.
+
+        Args:
+            fresh_id: never given out before. gallery: of the person. t_s: now.
+        """
+        person = replace(
+            self, mean=self.mean.copy(), covariance=self.covariance.copy(), gallery=gallery,
+            vouched=None, in_front=(),
+        )  # fmt: skip
+        self.track_id, self.confidence, self.runner_up = fresh_id, 1.0, 0.0
+        self.gallery, self.vouched = Gallery(), None
+        self.born_s, self.hits = t_s, 1
+        return person
 
     def walked_by(self) -> float:
         """Distance from the place of birth, in heights."""

@@ -1,0 +1,193 @@
+"""Identities after a newcomer has come forth from a known person's box.
+
+One box may have stood on two people for a while, of which the tracker knew one. At the split the
+track stays with either of them, and no known rival shows the doubt. So the gallery of before is
+kept, and once both are seen alone the descriptors of each are compared with it. If the newcomer
+fits better, nobody can say for whom the id was chosen: it is given up, and follows neither.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from heel.services.geometry.boxes import cover_matrix
+from heel.services.tracker.given_boxes.geometry import FloatArray
+from heel.services.tracker.given_boxes.looks import Gallery, LookModel
+from heel.services.tracker.given_boxes.track import Track
+
+_NEW_S = 2.0
+"""Time since its first box for which a track is a newcomer [s]; between 0.7 and 4 s nothing changes
+on recordings."""
+_LEAST_HITS = 2
+"""Boxes of a newcomer before it counts: a detector's slip comes once; chosen by hand."""
+_KNOWN_LOOKS = 8
+"""Descriptors from which a gallery is a person's; chosen by hand."""
+_OVERLAP = 0.1
+"""Share of either box in common from which a newcomer may have been in the other's; chosen by
+hand."""
+_FRAGMENT = 0.7
+"""Share of the newcomer's box inside the other's from which it is a second box of the same person;
+chosen by hand."""
+_TOGETHER = 0.25
+"""Share in common above which the two are not separate again; chosen by hand."""
+_LEAST_LOOKS = 4
+"""Descriptors of each before a decision; chosen by hand."""
+_INDEPENDENT = 4.0
+"""Descriptors whose evidence adds up, as those of neighbouring frames are alike; chosen by hand."""
+_PRIOR = 2.0
+"""Log odds that a track has stayed with its person at such a split: 7 to 1; chosen by hand."""
+_CONFIRMED = 4.0
+"""Log odds of colours that confirm the identity; chosen by hand."""
+_REFUTED = -8.0
+"""Log odds of colours at which it is given up; chosen by hand."""
+_SETTLE_S = 1.5
+"""Time in clear view after which colours that cannot decide are believed no more [s]; chosen by
+hand."""
+
+
+@dataclass
+class Verification:
+    """A track whose box a newcomer may have shared, and what speaks for its identity.
+
+    Attributes:
+        track: in doubt.
+        gallery: of before.
+        confidence: of before.
+        newcomers: that overlapped with it.
+        own: log odds of the track's descriptors since, by the gallery.
+        theirs: the same of each newcomer, by its `id()`.
+        clear_s: time in which the track has been seen alone.
+    """
+
+    track: Track
+    gallery: Gallery
+    confidence: float
+    newcomers: list[Track] = field(default_factory=list)
+    own: list[float] = field(default_factory=list)
+    theirs: dict[int, list[float]] = field(default_factory=dict)
+    clear_s: float = 0.0
+
+    def evidence(self) -> float | None:
+        """Log odds that the gallery is of the track, not of a newcomer; None: not seen enough."""
+        rivals = [sum(odds) / len(odds) for odds in self.theirs.values() if _enough(odds)]
+        if not rivals or not _enough(self.own):
+            return None
+        return _INDEPENDENT * (sum(self.own) / len(self.own) - max(rivals))
+
+    def share_doubt(self) -> None:
+        """Set the confidence in the track by what is known so far."""
+        evidence = self.evidence() or 0.0
+        self.track.confidence = self.confidence / (1 + math.exp(-_PRIOR - evidence))
+
+
+class Verifications:
+    """All tracks that are in doubt because of a newcomer."""
+
+    def __init__(self, looks: LookModel) -> None:
+        """Start without doubts."""
+        self._looks = looks
+        self._open: dict[int, Verification] = {}
+
+    def open(self, track: Track) -> bool:
+        """Whether a track is in doubt."""
+        return id(track) in self._open
+
+    def keeps_from_learning(self, track: Track) -> bool:
+        """Whether a descriptor may be another person's: it does not fit the gallery of before."""
+        doubt = self._open.get(id(track))
+        return doubt is not None and not (doubt.own and doubt.own[-1] > 0)
+
+    def note_newcomers(self, tracks: Sequence[Track], t_s: float) -> None:
+        """Begin a verification of each known track that a newcomer overlaps.
+
+        Args:
+            tracks: all in sight. t_s: now.
+        """
+        self._drop(tracks)
+        new = [track for track in tracks if _is_new(track, t_s)]
+        if not new:
+            return
+        boxes = np.array([track.box() for track in new])
+        for track in tracks:
+            if not track.confirmed or track.gallery.looks < _KNOWN_LOOKS or track in new:
+                continue
+            shared = _shared(track.box()[None], boxes)
+            for newcomer, share in zip(new, shared.tolist(), strict=True):
+                if share > _OVERLAP:
+                    self._note(track, newcomer, share)
+
+    def decide(
+        self, tracks: Sequence[Track], looks: FloatArray, elapsed_s: float
+    ) -> list[Verification]:
+        """Compare descriptors of tracks seen alone; close what is decided.
+
+        Args:
+            tracks: seen alone in this frame, and in no contact. looks: (N, D), their descriptors.
+            elapsed_s: since the frame before.
+
+        Returns:
+            The verifications whose track is not its person any more.
+        """
+        refuted = []
+        place = {id(track): k for k, track in enumerate(tracks)}
+        for doubt in list(self._open.values()):
+            seen = [track for track in (doubt.track, *doubt.newcomers) if id(track) in place]
+            if not seen or not self._compared(doubt, seen, looks[[place[id(t)] for t in seen]]):
+                continue
+            doubt.clear_s += elapsed_s
+            evidence = doubt.evidence()
+            if evidence is not None and evidence <= _REFUTED:
+                refuted.append(doubt)
+            elif doubt.clear_s < _SETTLE_S and not (evidence is not None and evidence > _CONFIRMED):
+                doubt.share_doubt()
+                continue
+            else:
+                doubt.share_doubt()
+            del self._open[id(doubt.track)]
+        return refuted
+
+    def _compared(self, doubt: Verification, seen: list[Track], looks: FloatArray) -> bool:
+        """Note the odds of descriptors; whether the track in doubt is among those seen."""
+        odds = self._looks.compare([doubt.gallery], looks)[0].tolist()
+        for track, value in zip(seen, odds, strict=True):
+            own = track is doubt.track
+            (doubt.own if own else doubt.theirs.setdefault(id(track), [])).append(value)
+        return seen[0] is doubt.track
+
+    def _note(self, track: Track, newcomer: Track, share: float) -> None:
+        doubt = self._open.get(id(track))
+        if doubt is None:
+            doubt = Verification(track, track.gallery.copy(), track.confidence)
+            self._open[id(track)] = doubt
+        elif share > _TOGETHER:
+            doubt.own.clear()
+            doubt.clear_s = 0.0
+        if newcomer not in doubt.newcomers:
+            doubt.newcomers.append(newcomer)
+
+    def _drop(self, tracks: Sequence[Track]) -> None:
+        """Forget tracks that have ended: without its newcomer a doubt has no ground."""
+        known = {id(track) for track in tracks}
+        for key, doubt in list(self._open.items()):
+            doubt.newcomers = [track for track in doubt.newcomers if id(track) in known]
+            if key not in known or not doubt.newcomers:
+                del self._open[key]
+
+
+def _is_new(track: Track, t_s: float) -> bool:
+    return track.hits >= _LEAST_HITS and (not track.confirmed or t_s - track.born_s <= _NEW_S)
+
+
+def _enough(odds: Sequence[float]) -> bool:
+    return len(odds) >= _LEAST_LOOKS
+
+
+def _shared(box: FloatArray, newcomers: FloatArray) -> FloatArray:
+    """Largest share in common (N,) of a box (1, 4) and those of newcomers; 0 for its fragments."""
+    inside = cover_matrix(newcomers, box)[:, 0]
+    either = np.maximum(cover_matrix(box, newcomers)[0], inside)
+    return np.asarray(np.where(inside > _FRAGMENT, 0.0, either))
