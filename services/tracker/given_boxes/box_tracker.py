@@ -177,8 +177,9 @@ class BoxTracker:
             (t_s, self._elapsed_s),
         )
         for doubt in refuted:
-            person = doubt.track.part(self._new_id(), doubt.gallery, t_s)
-            self._recall.lose(person, pictures=True)
+            person = doubt.track.part(self._new_id(), doubt.galleries[0], t_s)
+            if doubt.person_is_known():
+                self._recall.lose(person, pictures=True)
 
     def _predict(self, t_s: float, camera: CameraStep | None) -> tuple[FloatArray, FloatArray]:
         elapsed_s = 0.0 if self._last_s is None else max(t_s - self._last_s, 0.0)

@@ -160,11 +160,11 @@ class Identity:
         self._verifications.note_newcomers(tracks[0], t_s)
         refuted = self._verifications.decide([seen[k] for k in decided], looks[decided], elapsed_s)
         sure = [k for k in decided if not self._verifications.keeps_from_learning(seen[k])]
-        self._remember([seen[k] for k in sure], looks[sure])
+        self._remember([seen[k] for k in sure], looks[sure], t_s)
         return refuted
 
-    def _remember(self, tracks: list[Track], looks: FloatArray) -> None:
+    def _remember(self, tracks: list[Track], looks: FloatArray, t_s: float) -> None:
         known = [k for k, track in enumerate(tracks) if track.gallery.looks and track.confirmed]
         self.model.learn([tracks[k].gallery for k in known], looks[known])
         for track, look in zip(tracks, looks, strict=True):
-            track.gallery.add(look)
+            track.remember(look, t_s)

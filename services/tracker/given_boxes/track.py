@@ -27,6 +27,9 @@ _MOST_LOG = 14.0
 _LEAST_ODD = 0.05
 """Least likelihood ratio of a false alarm for one box, as a detector's errors repeat; chosen by
 hand."""
+_COPY_S = 1.5
+"""Time between copies of a gallery [s]: what hides a person in passing does so for about a second;
+chosen by hand."""
 _SCORE_MEMORY_S = 1.0
 """Time constant of the mean score [s]; chosen by hand."""
 _MOST_EXISTENCE = 0.99
@@ -60,6 +63,8 @@ class Track:
     runner_up: float = 0.0  # that this is the best other known person
     walked: bool = False  # has moved farther than the box of a thing
     gallery: Gallery = field(default_factory=Gallery)
+    earlier: tuple[Gallery, Gallery] = field(default_factory=lambda: (Gallery(), Gallery()))
+    earlier_s: float = -math.inf  # when the newer of these copies was made
     vouched: Gallery | None = None  # gallery from before a doubt that is not settled
     birthplace: FloatArray = field(default_factory=lambda: np.zeros(2))  # px
     anchor: FloatArray = field(default_factory=lambda: np.zeros(AXES))  # where last seen
@@ -99,8 +104,19 @@ class Track:
         )  # fmt: skip
         self.track_id, self.confidence, self.runner_up = fresh_id, 1.0, 0.0
         self.gallery, self.vouched = Gallery(), None
+        self.earlier, self.earlier_s = (Gallery(), Gallery()), t_s
         self.born_s, self.hits = t_s, 1
         return person
+
+    def remember(self, look: FloatArray, t_s: float) -> None:
+        """Take in a (D,) descriptor of the person seen alone; copies of the gallery are kept."""
+        if t_s - self.earlier_s >= _COPY_S:
+            self.earlier, self.earlier_s = (self.earlier[1], self.gallery.copy()), t_s
+        self.gallery.add(look)
+
+    def gallery_before(self) -> Gallery:
+        """The gallery of `_COPY_S` to twice that ago."""
+        return self.earlier[0]
 
     def walked_by(self) -> float:
         """Distance from the place of birth, in heights."""

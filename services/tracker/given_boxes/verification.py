@@ -1,9 +1,10 @@
 """Identities after a newcomer has come forth from a known person's box.
 
 One box may have stood on two people for a while, of which the tracker knew one. At the split the
-track stays with either of them, and no known rival shows the doubt. So the gallery of before is
-kept, and once both are seen alone the descriptors of each are compared with it. If the newcomer
-fits better, nobody can say for whom the id was chosen: it is given up, and follows neither.
+track stays with either of them, and no known rival shows the doubt. So once both are seen alone,
+the descriptors of each are compared with two galleries: that of before, and that of the split,
+which holds what the box has shown in between. If the newcomer fits either better than the track
+does, nobody can say for whom the id was chosen, which may have been in between: it is given up.
 """
 
 from __future__ import annotations
@@ -55,33 +56,38 @@ class Verification:
 
     Attributes:
         track: in doubt.
-        gallery: of before.
+        galleries: of some time before and of the split.
         confidence: of before.
         newcomers: that overlapped with it.
-        own: log odds of the track's descriptors since, by the gallery.
+        own: log odds of the track's descriptors since, by either gallery.
         theirs: the same of each newcomer, by its `id()`.
         clear_s: time in which the track has been seen alone.
     """
 
     track: Track
-    gallery: Gallery
+    galleries: tuple[Gallery, Gallery]
     confidence: float
     newcomers: list[Track] = field(default_factory=list)
-    own: list[float] = field(default_factory=list)
-    theirs: dict[int, list[float]] = field(default_factory=dict)
+    own: list[list[float]] = field(default_factory=list)
+    theirs: dict[int, list[list[float]]] = field(default_factory=dict)
     clear_s: float = 0.0
 
-    def evidence(self) -> float | None:
-        """Log odds that the gallery is of the track, not of a newcomer; None: not seen enough."""
-        rivals = [sum(odds) / len(odds) for odds in self.theirs.values() if _enough(odds)]
+    def evidence(self) -> tuple[float, float] | None:
+        """Log odds, by either gallery, that it is of the track; None: not seen enough."""
+        rivals = [np.mean(odds, axis=0) for odds in self.theirs.values() if _enough(odds)]
         if not rivals or not _enough(self.own):
             return None
-        return _INDEPENDENT * (sum(self.own) / len(self.own) - max(rivals))
+        before, since = _INDEPENDENT * (np.mean(self.own, axis=0) - np.max(rivals, axis=0))
+        return float(before), float(since)
 
-    def share_doubt(self) -> None:
-        """Set the confidence in the track by what is known so far."""
-        evidence = self.evidence() or 0.0
-        self.track.confidence = self.confidence / (1 + math.exp(-_PRIOR - evidence))
+    def person_is_known(self) -> bool:
+        """Whether the id, once given up, is clearly of the person of before."""
+        before, since = self.evidence() or (0.0, 0.0)
+        return before <= _REFUTED and since < _CONFIRMED
+
+    def kept(self) -> float:
+        """Probability that the track has stayed with its person."""
+        return self.confidence / (1 + math.exp(-_PRIOR - min(self.evidence() or (0.0,))))
 
 
 class Verifications:
@@ -97,9 +103,9 @@ class Verifications:
         return id(track) in self._open
 
     def keeps_from_learning(self, track: Track) -> bool:
-        """Whether a descriptor may be another person's: it does not fit the gallery of before."""
+        """Whether a descriptor may be another person's: it does not fit both galleries."""
         doubt = self._open.get(id(track))
-        return doubt is not None and not (doubt.own and doubt.own[-1] > 0)
+        return doubt is not None and not (doubt.own and min(doubt.own[-1]) > 0)
 
     def note_newcomers(self, tracks: Sequence[Track], t_s: float) -> None:
         """Begin a verification of each known track that a newcomer overlaps.
@@ -135,24 +141,23 @@ class Verifications:
         refuted = []
         place = {id(track): k for k, track in enumerate(tracks)}
         for doubt in list(self._open.values()):
+            doubt.track.confidence = min(doubt.track.confidence, doubt.kept())
             seen = [track for track in (doubt.track, *doubt.newcomers) if id(track) in place]
             if not seen or not self._compared(doubt, seen, looks[[place[id(t)] for t in seen]]):
                 continue
             doubt.clear_s += elapsed_s
-            evidence = doubt.evidence()
-            if evidence is not None and evidence <= _REFUTED:
+            evidence = min(doubt.evidence() or (0.0,))
+            if evidence <= _REFUTED:
                 refuted.append(doubt)
-            elif doubt.clear_s < _SETTLE_S and not (evidence is not None and evidence > _CONFIRMED):
-                doubt.share_doubt()
+            elif evidence < _CONFIRMED and doubt.clear_s < _SETTLE_S:
                 continue
-            else:
-                doubt.share_doubt()
+            doubt.track.confidence = doubt.kept()
             del self._open[id(doubt.track)]
         return refuted
 
     def _compared(self, doubt: Verification, seen: list[Track], looks: FloatArray) -> bool:
         """Note the odds of descriptors; whether the track in doubt is among those seen."""
-        odds = self._looks.compare([doubt.gallery], looks)[0].tolist()
+        odds = self._looks.compare(list(doubt.galleries), looks).T.tolist()
         for track, value in zip(seen, odds, strict=True):
             own = track is doubt.track
             (doubt.own if own else doubt.theirs.setdefault(id(track), [])).append(value)
@@ -161,7 +166,9 @@ class Verifications:
     def _note(self, track: Track, newcomer: Track, share: float) -> None:
         doubt = self._open.get(id(track))
         if doubt is None:
-            doubt = Verification(track, track.gallery.copy(), track.confidence)
+            now, before = track.gallery.copy(), track.gallery_before()
+            known = before if before.looks >= _KNOWN_LOOKS else now
+            doubt = Verification(track, (known, now), track.confidence)
             self._open[id(track)] = doubt
         elif share > _TOGETHER:
             doubt.own.clear()
@@ -182,7 +189,7 @@ def _is_new(track: Track, t_s: float) -> bool:
     return track.hits >= _LEAST_HITS and (not track.confirmed or t_s - track.born_s <= _NEW_S)
 
 
-def _enough(odds: Sequence[float]) -> bool:
+def _enough(odds: Sequence[list[float]]) -> bool:
     return len(odds) >= _LEAST_LOOKS
 
 

@@ -168,7 +168,7 @@ def doubted(seen: Colours, other: Colours, seconds: float = 4.0) -> Track:
     for k in range(round(10 * seconds)):
         frame = FrameBoxes(BOX, np.ones(1), np.ones(1), looks(seen, 1, 500 + k), np.ones(1, bool))
         identity.reassure([(track, 0)], known, frame, 0.1)
-        identity.learn([(track, 0)], [], {id(one) for one in known}, frame, (0.1 * k, 0.1))
+        identity.learn([(track, 0)], [], (known, []), frame, (0.1 * k, 0.1))
     return track
 
 
