@@ -1,6 +1,7 @@
 """Identity by appearance: galleries learn from people seen alone, and doubts settle.
 
-Which track is which person after two met is decided in contacts.py, which one is back in recall.py.
+Which track is which person after two met is decided in contacts.py, after a newcomer came forth
+from a known person's box in verification.py, and which one is back in recall.py.
 """
 
 from __future__ import annotations
