@@ -203,7 +203,9 @@ def main(
             source = data_folder() / recording
             one.mota[recording] = mota(str(source), source, name)
         with tempfile.TemporaryDirectory() as truth:
-            Path(truth, "gt.txt").write_text("".join(scene_truth(SCENE).rows), encoding="ascii")
+            rows = Path(truth, "gt", "gt.txt")
+            rows.parent.mkdir()
+            rows.write_text("".join(scene_truth(SCENE).rows), encoding="ascii")
             one.mota["drawn scene"] = mota(SCENE, Path(truth), name)
         typer.echo(f"{name}: {one}", err=True)
     publish(tables(found), write)

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from heel.schemas import EndOfStream, encode
+from heel.services.detector.settings import NO_NETWORK
 from tests.support.network import client, wait_until
 from tests.support.processes import finished, running
 
@@ -23,6 +24,8 @@ def test_it_ends_after_so_long_and_says_how_it_went(tmp_path: Path) -> None:
     assert code == 0, err
     assert "live page: http://127.0.0.1:" in out
     assert "followed the scenario's person" in out
+    assert err.count(NO_NETWORK) == 1, "what a network gives, and how to get one"
+    assert NO_NETWORK in (tmp_path / "logs" / "detector.log").read_text()
     assert "people were seen in the rendered pictures" in out
     figures = json.loads((tmp_path / "following.json").read_text())
     assert figures["perception"] == "pixels"

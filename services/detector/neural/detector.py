@@ -77,7 +77,9 @@ class NeuralDetector:
             SettingsError: there is none, or it cannot be used.
         """
         if settings.model is None:
-            raise SettingsError("detector onnx needs --model FILE: an ONNX network, see the README")
+            raise SettingsError(
+                "detector onnx needs a network: `heel models get yolox-nano`, or --model FILE"
+            )
         self._settings = settings
         self._model = self._loaded(
             settings.model, person_class=settings.model_class, head=settings.model_head

@@ -59,7 +59,7 @@ def test_a_background_takes_no_model(name: str, model: Path) -> None:
 
 
 def test_the_network_without_a_model_asks_for_one() -> None:
-    with pytest.raises(SettingsError, match="needs --model FILE"):
+    with pytest.raises(SettingsError, match="needs a network: `heel models get yolox-nano`"):
         Detector(DetectorSettings(detector="onnx"))
 
 
