@@ -117,9 +117,9 @@ def _play_world(
 
     set_up_command_logging()
     duration_s = _check_world(scenario, seed)
+    seen = check_settings(options)
     if perception == "pixels":
         say_without_network(options)
-    seen = check_settings(options)
     world = WorldOptions(
         options.out / "logs", scenario, seed, perception,
         episode_s=None if options.loop else duration_s, seconds=options.seconds,

@@ -100,8 +100,8 @@ def _work(options: RunOptions, in_process: bool) -> None:
     set_up_command_logging()
     with stop_signals(PARENT_EXIT_S) as stopping:
         if in_process:
-            say_without_network(options)
             summary = run_in_process(options, stopping)
+            say_without_network(options)
         else:
             check_options(options)
             summary = DistributedRun(options, stopping, logging.getLogger("heel.run")).run()

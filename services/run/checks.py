@@ -24,13 +24,13 @@ def check_options(options: RunOptions) -> None:
         SettingsError: a setting, the detector or its model is not what it should be.
         SourceError: the source cannot be opened.
     """
-    say_without_network(options)
     check_settings(options)
     if not (
         options.source.isdigit() or options.source.startswith(_LIVE) or "://" in options.source
     ):
         with RecordedFrames(options.source, options.scale, options.fps):
             pass
+    say_without_network(options)
 
 
 def say_without_network(options: RunOptions) -> None:
