@@ -217,11 +217,13 @@ def _keep(found: dict[str, Figures]) -> None:
     """Write the file that `heel models list` reads."""
     told = {
         "how": "python -m benchmarks.models --write docs/records/models.md; ms of processor time "
-        "on one thread",
+        "on one thread of a busy machine",
         "models": {
             name: {
-                "sha256": KNOWN[name].sha256, "look_ms": one.look_ms, "frame_ms": one.frame_ms,
-                "mota": one.mota,
+                "sha256": KNOWN[name].sha256,
+                "look_ms": round(one.look_ms or 0.0, 2),
+                "frame_ms": round(one.frame_ms, 2),
+                "mota": {key: round(value, 2) for key, value in one.mota.items()},
             }
             for name, one in found.items() if name in KNOWN
         },
