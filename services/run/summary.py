@@ -29,33 +29,45 @@ class Perception:
         detector: which one ran.
         model: name of its network, or its file where that is not known by name; None for none.
         model_sha256: of that file, hexadecimal.
+        model_near: the same of the second network, for every frame.
+        model_near_sha256: of its file.
         tracker: preset.
     """
 
     detector: str
     model: str | None
     model_sha256: str | None
+    model_near: str | None
+    model_near_sha256: str | None
     tracker: str
 
     @classmethod
     def of(cls, detector: Mapping[str, Any], tracker: Mapping[str, Any]) -> Perception:
         """By the settings in force of both."""
         method = DetectorSettings.model_construct(None, **detector).method
-        preset = str(tracker.get("preset"))
-        file = detector.get("model")
-        if file is None or method != "onnx":
-            return cls(method, None, None, preset)
-        try:
-            name, digest = identified(Path(file))
-        except OSError:
-            return cls(method, file, None, preset)
-        return cls(method, name or file, digest, preset)
+        files = [detector.get(key) if method == "onnx" else None for key in ("model", "model_near")]
+        first, second = map(_network, files)
+        return cls(method, *first, *second, str(tracker.get("preset")))
 
     def __str__(self) -> str:
         seen = f"detector {self.detector}"
-        if self.model is not None:
-            seen += f", network {self.model} (sha256 {(self.model_sha256 or 'unknown')[:12]})"
+        for network, digest in (
+            (self.model, self.model_sha256), (self.model_near, self.model_near_sha256),
+        ):  # fmt: skip
+            if network is not None:
+                seen += f", network {network} (sha256 {(digest or 'unknown')[:12]})"
         return f"{seen}, tracker preset {self.tracker}"
+
+
+def _network(file: str | None) -> tuple[str | None, str | None]:
+    """Name, or file where it is not known by name, and sha256."""
+    if file is None:
+        return None, None
+    try:
+        name, digest = identified(Path(file))
+    except OSError:
+        return file, None
+    return name or file, digest
 
 
 @dataclass

@@ -44,7 +44,8 @@ def test_a_lossless_run_with_a_network_equals_the_cores_in_one_process(tmp_path:
     for how in ("--lossless", "--in-process"):
         told = json.loads((tmp_path / how / "summary.json").read_text())["perception"]
         assert told == {
-            "detector": "onnx", "model": model, "model_sha256": digest, "tracker": "default",
+            "detector": "onnx", "model": model, "model_sha256": digest,
+            "model_near": None, "model_near_sha256": None, "tracker": "default",
         }  # fmt: skip
 
 
