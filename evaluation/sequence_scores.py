@@ -105,6 +105,20 @@ def load_sequence(
     )
 
 
+def find_frame_rate(gt_path: Path) -> float:
+    """Frames per second of the sequence of a ground truth, by its ``seqinfo.ini``.
+
+    Raises:
+        HeelError: there is none, or it does not say.
+    """
+    folder = ground_truth_file(gt_path).absolute().parent
+    folder = folder.parent if folder.name == "gt" else folder
+    info = None if sequence_file(folder) is None else read_sequence_info(folder)
+    if info is None or info.frame_rate_fps is None:
+        raise HeelError(f"{gt_path}: no seqinfo.ini with a frameRate beside it; give --fps")
+    return info.frame_rate_fps
+
+
 def score_sequence(sequence: AlignedSequence, *, iou_threshold: float = 0.5) -> SequenceScores:
     """Every score of an aligned sequence.
 
@@ -173,6 +187,6 @@ def scores_table(scores: Sequence[SequenceScores], *, caption: str | None = None
     return table
 
 
-def scores_json(scores: Sequence[SequenceScores]) -> str:
+def scores_json(scores: Sequence[BaseModel]) -> str:
     """One JSON object per sequence, each on a line of its own, without a final newline."""
     return "\n".join(row.model_dump_json() for row in scores)

@@ -27,6 +27,16 @@ def score(
         typer.Option(help="rows with flag 0: left out, ignore regions, or people like all others"),
     ] = "mot15",
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object a line")] = False,
+    returns: Annotated[
+        bool,
+        typer.Option(
+            "--returns",
+            help="instead: the same id after absences of 1, 3, 5, 15 s, and how long losses last",
+        ),
+    ] = False,
+    fps: Annotated[
+        float | None, typer.Option(help="frames per second [default: of seqinfo.ini]")
+    ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="folder for accuracy and timeline plots", metavar="DIR")
     ] = None,
@@ -34,7 +44,9 @@ def score(
     """Score TRACKS against GT: MOTA, MOTP, IDF1, HOTA, switches, keep%, wrong%, Dice."""
     from rich.console import Console
 
+    from heel.evaluation.returns import return_scores, returns_table
     from heel.evaluation.sequence_scores import (
+        find_frame_rate,
         find_pairs,
         load_sequence,
         score_sequence,
@@ -42,9 +54,14 @@ def score(
         scores_table,
     )
 
-    scores = []
+    if returns and plot is not None:
+        raise typer.BadParameter("it draws no absences: leave --returns or --plot out")
+    scores, back = [], []
     for truth, output in find_pairs(ground_truth, tracks):
         sequence = load_sequence(truth, output, iou_threshold=iou, flags=flags)
+        if returns:
+            back.append(return_scores(sequence, fps or find_frame_rate(truth), iou))
+            continue
         scores.append(score_sequence(sequence, iou_threshold=iou))
         if plot is not None:
             from heel.evaluation.plots import write_plots
@@ -52,6 +69,8 @@ def score(
             for path in write_plots(sequence, plot, iou_threshold=iou):
                 typer.echo(f"wrote {path}", err=True)
     if as_json:
-        typer.echo(scores_json(scores))
+        typer.echo(scores_json(back or scores))
+    elif returns:
+        Console().print(returns_table(back))
     else:
         Console().print(scores_table(scores))

@@ -164,10 +164,16 @@ NOT_RUN = {
     "make mutants": "hours",
     "python -m benchmarks.mutants --sample 40": "an hour; tests/unit/benchmarks tests its parts",
     "python -m benchmarks.mutants --only pointed/": "an hour; as above",
-    "python -m benchmarks.mutants --rooms detector --only pointed/fitting "
-    "--tests tests/unit/detector/test_pointed_parts.py": "minutes; as above",
-    "python -m benchmarks.mutants --rooms follower --only follower/swing "
-    "--tests tests/unit/follower/test_learning_and_searching.py": "minutes; as above",
+    "python -m benchmarks.mutants --rooms follower --tests "
+    "tests/unit/follower/test_follower_parts_pinned.py,"
+    "tests/unit/follower/test_follower_worlds_pinned.py --seconds 40": "an hour; as above",
+    "python -m benchmarks.mutants --rooms detector --tests "
+    "tests/unit/detector/test_pointed_pinned.py,"
+    "tests/unit/detector/test_pointed_parts.py,"
+    "tests/unit/detector/test_background_pinned.py,"
+    "tests/unit/detector/test_neural_parts_pinned.py --seconds 25": "an hour; as above",
+    "python -m benchmarks.mutants --rooms tracker --sample 60 --seed 1 --seconds 20 "
+    "--tests tests/unit/tracker/test_tracker_pinned.py": "an hour; as above",
     "python -m benchmarks.pictures docs": "overwrites the README's picture; needs Chromium",
 }  # fmt: skip
 """Nothing runs these; `tests/unit/house/test_documents.py` checks that words and flags exist."""
