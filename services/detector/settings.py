@@ -134,7 +134,7 @@ class DetectorSettings(BaseModel):
         default=None,
         description="onnx: most parts of a frame on which the network runs again, enlarged; more "
         "finds small people sooner and takes longer [default: 2 for an input of 416x416 pixels, 8 "
-        "for one of 192x192, and between by their number]",
+        "for one of 192x192, by their number; with model_near at most 3]",
     )
     bridge_s: Annotated[float, Field(ge=0, le=5)] = Field(
         default=0.2,

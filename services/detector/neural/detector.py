@@ -123,18 +123,16 @@ class NeuralDetector:
         frame_size = (size.frame_width, size.frame_height)
         views = Views(frame_size, self._input(self._model))
         near = Views(frame_size, self._input(self._near), near=True)
-        most = self._most_looks(self._near)
-        if self._near is self._model:
-            attention = Attention(views, most)
-        else:
+        two = self._near is not self._model
+        chosen = self._settings.model_closer_looks
+        most = usual_looks(self._input(self._near), two) if chosen is None else chosen
+        if two:
             far = min(most, usual_looks(self._input(self._model)))
             attention = Attention(views, far, (near, most))
+        else:
+            attention = Attention(views, most)
         between = Between(self._settings.bridge_s)
         return _People(views, near.whole, attention, between, EgoMotion(), CameraPath())
-
-    def _most_looks(self, model: PersonModel) -> int:
-        chosen = self._settings.model_closer_looks
-        return usual_looks(self._input(model)) if chosen is None else chosen
 
     @staticmethod
     def _input(model: PersonModel) -> tuple[int, int]:

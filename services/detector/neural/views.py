@@ -35,6 +35,8 @@ frame as long as nobody is expected anywhere."""
 _FRAME_PIXELS = 350_000
 """That a network is shown of a frame, in closer looks: two of 416x416 pixels, eight of 192x192."""
 _MOST_LOOKS = 8
+_NEAR_LOOKS = 3
+"""Of the smaller of two networks: with more the pair takes as long as the larger one alone."""
 """Closer looks at a frame, however small the network: so many people in turns; chosen by hand."""
 _EDGE_SHARE = 0.01
 """Boxes nearer to the edge of a view than this share of its height are cut off by it."""
@@ -216,10 +218,16 @@ class Attention:
                 self._looked[person.track_id] = self._turn
 
 
-def usual_looks(input_size: tuple[int, int]) -> int:
-    """Closer looks in a frame by a network with an input of this width and height, pixels."""
+def usual_looks(input_size: tuple[int, int], beside_another: bool = False) -> int:
+    """Closer looks in a frame by a network.
+
+    Args:
+        input_size: its width and height, pixels.
+        beside_another: whether it is the smaller of two.
+    """
     width, height = input_size
-    return min(_MOST_LOOKS, max(1, round(_FRAME_PIXELS / (width * height))))
+    most = _NEAR_LOOKS if beside_another else _MOST_LOOKS
+    return min(most, max(1, round(_FRAME_PIXELS / (width * height))))
 
 
 def look(

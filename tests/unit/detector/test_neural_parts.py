@@ -107,6 +107,7 @@ def test_with_people_known_the_frame_is_searched_now_and_then_even_if_there_is_t
 @pytest.mark.parametrize(("side", "looks"), [(640, 1), (416, 2), (320, 3), (192, 8), (64, 8)])
 def test_a_small_network_looks_closer_more_often(side: int, looks: int) -> None:
     assert usual_looks((side, side)) == looks
+    assert usual_looks((side, side), beside_another=True) == min(looks, 3)
 
 
 def found(*boxes: tuple[float, float, float, float, float]) -> Detections:
