@@ -38,6 +38,7 @@ from heel.services.networks.names import HeadName
 from heel.services.runtime.settings import Loaded, load_settings
 from heel.services.tracker.core import configured
 from heel.services.tracker.settings import TrackerServiceSettings, TrackerSettings
+from heel.services.tracker.trace import Trace
 
 REPEATABLE_EPOCH = 1
 """Epoch of lossless runs of recordings, so that their messages are the same bytes every time."""
@@ -50,9 +51,11 @@ _TRACKER = "tracker/main@00000000"
 class InProcessPipeline:
     """Detector and tracker with the fixed feedback lag of a lossless run."""
 
-    def __init__(self, detector: DetectorSettings, tracker: TrackerSettings) -> None:
+    def __init__(
+        self, detector: DetectorSettings, tracker: TrackerSettings, trace: Trace | None = None
+    ) -> None:
         self._detector = Detector(detector)
-        self._tracker = configured(tracker)
+        self._tracker = configured(tracker, trace)
         self._recent: deque[Tracks] = deque(maxlen=detector.feedback_lag_frames)
 
     def step(
@@ -107,9 +110,9 @@ class FollowingPipeline:
 
     def __init__(
         self, detector: DetectorSettings, tracker: TrackerSettings, follower: FollowerSettings,
-        camera: Mounting,
+        camera: Mounting, trace: Trace | None = None,
     ) -> None:  # fmt: skip
-        self._perception = InProcessPipeline(detector, tracker)
+        self._perception = InProcessPipeline(detector, tracker, trace)
         self._follower = Follower(follower)
         self._camera: Mounting | None = camera
         self._pointed: Pointed | None = None
@@ -168,9 +171,12 @@ def _camera_info(tracks: Tracks, camera: Mounting) -> CameraInfo:
 def load_pipeline(
     preset: str, target: str, file: Path | None, detector_name: str | None = None,
     model: str | Path | None = None, model_class: int | None = None,
-    model_head: HeadName | None = None,
+    model_head: HeadName | None = None, trace_file: Path | None = None, trace: Trace | None = None,
 ) -> tuple[FollowingPipeline, dict[str, Any]]:  # fmt: skip
     """The cores with the settings that the processes would read, and those settings to show.
+
+    What the tracker decides goes to `trace`; `trace_file` only overrides the setting, whose file is
+    for the caller to write.
 
     Raises:
         SettingsError: as `load_settings`.
@@ -181,7 +187,10 @@ def load_pipeline(
         "detector", DetectorServiceSettings, {"detector": flags}, file
     )
     tracker: Loaded[TrackerServiceSettings] = load_settings(
-        "tracker", TrackerServiceSettings, {"tracker": {"preset": preset}}, file
+        "tracker",
+        TrackerServiceSettings,
+        {"tracker": {"preset": preset, "trace": trace_file}},
+        file,
     )
     if detector.service.sends_people:
         tracker.service.check("people")
@@ -191,7 +200,7 @@ def load_pipeline(
     capture: Loaded[CaptureSettings] = load_settings("capture", CaptureSettings, {}, file)
     shown = detector.shown("detector") | tracker.shown("tracker") | follower.shown("follower")
     pipeline = FollowingPipeline(
-        detector.service, tracker.service, follower.service, mounting(capture.service)
+        detector.service, tracker.service, follower.service, mounting(capture.service), trace
     )
     return pipeline, shown
 

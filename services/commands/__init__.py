@@ -15,6 +15,7 @@ from heel.services.commands.schema import schema
 from heel.services.commands.status import status
 from heel.services.commands.stopping import resume, stop
 from heel.services.commands.track_detections import track_detections
+from heel.services.commands.why import why
 
 
 def register_tools(app: typer.Typer) -> None:
@@ -23,6 +24,7 @@ def register_tools(app: typer.Typer) -> None:
     app.command()(run)
     app.command("eval")(score)
     app.command("track-detections")(track_detections)
+    app.command()(why)
     app.add_typer(models, name="models")
     app.command()(scenarios)
     app.command()(calibrate)

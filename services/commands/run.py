@@ -17,6 +17,7 @@ from heel.services.commands.shared_options import (
     ModelClass,
     ModelHead,
     Profile,
+    TraceTo,
     take_profile,
 )
 from heel.services.run.folder import STAGING_PREFIX, sweep
@@ -62,7 +63,8 @@ def run(
     model_class: ModelClass = None, model_head: ModelHead = None, annotate: _Annotate = False,
     target: _Target = "nearest",
     scale: _Scale = 1.0, fps: _Fps = None, loop: _Loop = False, frames: _Frames = None,
-    seconds: _Seconds = None, web: _Web = None, config: Config = None, profile: Profile = None,
+    seconds: _Seconds = None, web: _Web = None, trace: TraceTo = None, config: Config = None,
+    profile: Profile = None,
 ) -> None:  # fmt: skip
     """Run SOURCE through the real processes; write tracks.txt, commands.csv and summary.json."""
     take_profile(profile)
@@ -77,7 +79,8 @@ def run(
         source=source, out=out, delivery="lossless" if lossless else "live", preset=preset,
         detector=detector, model=model, model_class=model_class, model_head=model_head,
         annotate=annotate, target=target, scale=scale, fps=fps, loop=loop, frames=frames,
-        seconds=seconds, web_port=web, config=config, on_page=_print_page,
+        seconds=seconds, web_port=web, config=config, trace=trace,
+        on_page=_print_page,
     )  # fmt: skip
     code = guarded(lambda: _work(options, in_process))
     sweep(out, STAGING_PREFIX)

@@ -48,6 +48,12 @@ Profile = Annotated[
 Config = Annotated[
     Path | None, typer.Option(help="settings file (TOML) for every service", metavar="FILE")
 ]
+TraceTo = Annotated[
+    Path | None,
+    typer.Option(
+        "--trace", help="write every decision about an identity there, for heel why", metavar="FILE"
+    ),
+]
 
 
 def take_profile(name: str | None) -> None:

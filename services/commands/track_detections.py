@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from heel.schemas.errors import HeelError, SettingsError
+from heel.services.commands.shared_options import TraceTo
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from heel.evaluation.rows import BoxRows
     from heel.services.tracker.given_boxes.sequence import GivenSequence, Picture
     from heel.services.tracker.report import Report
-    from heel.services.tracker.settings import TrackerSettings
+    from heel.services.tracker.settings import TrackerServiceSettings
 
 _REACH = 1.5
 """How far boxes may go on outside of the picture [picture sides]; chosen by hand."""
@@ -49,12 +51,15 @@ def track_detections(
         Path | None,
         typer.Option(help="settings file (TOML): the tracker's table counts", metavar="FILE"),
     ] = None,
+    trace: TraceTo = None,
 ) -> None:  # fmt: skip
     """Give the boxes of DET identities, online; write MOTChallenge rows to TRACKS."""
     from heel.evaluation.motchallenge import write_tracks
     from heel.services.capture.numbered_pictures import pictures_by_number
     from heel.services.tracker.given_boxes.sequence import track_sequence
     from heel.services.tracker.given_boxes.tuning import FILE, tuned
+    from heel.services.tracker.trace import Trace
+    from heel.services.tracker.trace_file import TraceFile
 
     given = read_given(detections, fps, image_size)
     picture = None if frames is None else _of_size(pictures_by_number(frames), given, frames)
@@ -65,7 +70,11 @@ def track_detections(
             "give --image-size"
         )
     picture = picture if settings.identify else None
-    rows = shown_rows(track_sequence(given, tuned(FILE, settings), picture))
+    tuning, noted = tuned(FILE, settings), Trace()
+    with ExitStack() as stack:
+        if (traced := trace or settings.trace) is not None:
+            noted.add(stack.enter_context(TraceFile(traced)).take)
+        rows = shown_rows(track_sequence(given, tuning, picture, noted))
     write_tracks(out, rows)
     people = len(set(rows.identities.tolist()))
     typer.echo(f"wrote {out}: {len(rows)} boxes, {people} identities")
@@ -142,7 +151,7 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _settings(file: Path | None) -> TrackerSettings:
+def _settings(file: Path | None) -> TrackerServiceSettings:
     from heel.services.runtime.settings import load_settings
     from heel.services.tracker.settings import TrackerServiceSettings
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 from heel.services.detector.settings import DetectorServiceSettings
 from heel.services.pipeline import RecordedFrames, load_pipeline
 from heel.services.run.options import RunOptions
 from heel.services.run.summary import Perception
 from heel.services.runtime.settings import Loaded, load_settings
+from heel.services.tracker.trace_file import check_place
 
 _LIVE = ("/dev/", "pan:")
 """Sources that are not opened for a check: a camera is opened once, and a window into a recording
@@ -56,6 +58,8 @@ def check_settings(options: RunOptions) -> Perception:
     """
     _, shown = load_pipeline(
         options.preset, options.target, options.config, options.detector, options.model,
-        options.model_class, options.model_head,
+        options.model_class, options.model_head, options.trace,
     )  # fmt: skip
+    if (traced := shown["tracker"]["trace"]) is not None:
+        check_place(Path(traced))
     return Perception.of(shown["detector"], shown["tracker"])

@@ -93,7 +93,7 @@ class DistributedRun:
         common = ["--connect", endpoint, "--exit-at-end", "--delivery", o.delivery]
         common += ["--config", str(o.config)] if o.config is not None else []
         children.start("detector", *common, *o.detector_flags())
-        children.start("tracker", *common, "--preset", o.preset)
+        children.start("tracker", *common, *o.tracker_flags())
         children.start("follower", *common, "--target", o.target)
         wanted = {"detector", "tracker", "follower"}
         if o.web_port is not None:

@@ -6,6 +6,7 @@ import itertools
 import threading
 import time
 from contextlib import ExitStack
+from pathlib import Path
 
 import cv2
 
@@ -16,6 +17,8 @@ from heel.services.run.outputs import RunOutputs
 from heel.services.run.progress import RunProgress
 from heel.services.run.summary import RunSummary
 from heel.services.runtime import process
+from heel.services.tracker.trace import Trace
+from heel.services.tracker.trace_file import TraceFile
 
 
 def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
@@ -32,6 +35,7 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
         if frames.source.is_live:
             raise HeelError(f"{frames.source.name}: --in-process takes recordings, not cameras")
         outputs = stack.enter_context(RunOutputs(options.out, summary, options.annotate))
+        trace = Trace()
         pipeline, settings = load_pipeline(
             options.preset,
             options.target,
@@ -40,7 +44,11 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
             options.model,
             options.model_class,
             options.model_head,
+            options.trace,
+            trace,
         )
+        if (traced := settings["tracker"]["trace"]) is not None:
+            trace.add(stack.enter_context(TraceFile(Path(traced))).take)
         summary.in_force(settings)
         progress = stack.enter_context(RunProgress(options.progress))
         process.spare_from_collection()

@@ -35,6 +35,7 @@ class RunOptions:
     seconds: float | None = None
     web_port: int | None = None
     config: Path | None = None
+    trace: Path | None = None
     progress: bool = True
     on_page: Callable[[str], None] | None = None
     """Called with the live page's address once it is served."""
@@ -47,6 +48,11 @@ class RunOptions:
         flags += ["--model-class", str(self.model_class)] if self.model_class is not None else []
         flags += ["--model-head", self.model_head] if self.model_head is not None else []
         return flags
+
+    def tracker_flags(self) -> list[str]:
+        """Flags of the tracker process."""
+        trace = ["--trace", str(self.trace)] if self.trace is not None else []
+        return ["--preset", self.preset, *trace]
 
     def capture_flags(self) -> list[str]:
         """Flags of the capture process."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -16,10 +17,15 @@ from heel.services.tracker.given_boxes.people import PeopleTracker
 from heel.services.tracker.settings import Input, TrackerSettings
 from heel.services.tracker.sought import SoughtTracker
 from heel.services.tracker.timing import FrameClock
+from heel.services.tracker.trace import Changes, Event, Trace
 
 _log = logging.getLogger(__name__)
 
 Method = BlobTracker | FittedTracker | PeopleTracker | SoughtTracker
+_NAMES: dict[type, Literal["fitted", "paper", "boxes", "pointed-at"]] = {
+    BlobTracker: "paper", FittedTracker: "fitted", PeopleTracker: "boxes",
+    SoughtTracker: "pointed-at",
+}  # fmt: skip
 
 
 class Tracker:
@@ -33,17 +39,24 @@ class Tracker:
         tracker.settle()  # once the tracks are on their way
     """
 
-    def __init__(self, settings: TrackerSettings, calibration: Calibration | None = None) -> None:
+    def __init__(
+        self, settings: TrackerSettings, calibration: Calibration | None = None,
+        trace: Trace | None = None,
+    ) -> None:  # fmt: skip
         """Start without people.
 
         Args:
             settings: which tracker; its calibration file is for the caller to read.
             calibration: how the camera is mounted; None to learn the scene's scale.
+            trace: takes what is decided; the tracks are the same without.
         """
         self.settings = settings
         self._calibration = calibration
         self._scene: tuple[object, ...] | None = None
         self._clock = FrameClock()
+        self._trace = trace or Trace()
+        self._changes = Changes(self._trace)
+        self._first_ns: int | None = None
         self._method: Method = self._on_foreground(next_id=1)
 
     def update(self, blobs: Blobs) -> Tracks:
@@ -65,12 +78,27 @@ class Tracker:
             blobs = blobs.model_copy(update={"camera_motion": None})
         if scene != self._scene:
             self.settings.check(_input(blobs))
-            self.settle()  # it may use up ids
+        self.settle()  # of the frame before: it may use up ids
+        self._begin(blobs)
+        if scene != self._scene:
             self._scene = scene
             self._clock = FrameClock()
+            self._changes.forget()
             self._method = self._started(blobs, self._method.next_id)
+            self._note_input(blobs)
         dt_s = self._clock.elapsed_s(blobs.t_capture_ns)
-        return _message(blobs, self._tracks(blobs, evidence, dt_s))
+        tracks = self._tracks(blobs, evidence, dt_s)
+        self._changes.observe(tracks)
+        return _message(blobs, tracks)
+
+    def _begin(self, blobs: Blobs) -> None:
+        if self._first_ns is None:
+            self._first_ns = blobs.t_capture_ns
+        self._trace.begin(blobs.index + 1, (blobs.t_capture_ns - self._first_ns) * 1e-9)
+
+    def _note_input(self, blobs: Blobs) -> None:
+        if self._trace.on:
+            self._trace.note(Event("input", input=_input(blobs), method=_NAMES[type(self._method)]))
 
     def settle(self) -> None:
         """Do now what the next `update` would do first; the result is the same either way.
@@ -88,15 +116,15 @@ class Tracker:
         reporting, identify = self.settings.reporting(kind), self.settings.identify
         if kind == "people":
             size = (blobs.width, blobs.height)
-            return PeopleTracker(size, next_id, self.settings)
+            return PeopleTracker(size, next_id, self.settings, self._trace)
         if self._calibration is not None:
             _log.warning("tracker.calibration has no part in tracking a person pointed at")
         return SoughtTracker(next_id, reporting, identify)
 
     def _on_foreground(self, next_id: int) -> Method:
         if self.settings.preset == "paper":
-            return BlobTracker(next_id)
-        return FittedTracker(self.settings, next_id, self._calibration)
+            return BlobTracker(next_id, self._trace)
+        return FittedTracker(self.settings, next_id, self._calibration, self._trace)
 
     def _tracks(self, blobs: Blobs, evidence: NDArray[np.uint8] | None, dt_s: float) -> list[Track]:
         if isinstance(self._method, FittedTracker):
@@ -104,14 +132,14 @@ class Tracker:
         return self._method.update(blobs, dt_s)
 
 
-def configured(settings: TrackerSettings) -> Tracker:
+def configured(settings: TrackerSettings, trace: Trace | None = None) -> Tracker:
     """A tracker whose calibration file, if there is one, has been read.
 
     Raises:
         SettingsError: the file cannot be read.
     """
     file = settings.calibration
-    return Tracker(settings, None if file is None else read_calibration(file))
+    return Tracker(settings, None if file is None else read_calibration(file), trace)
 
 
 def _input(blobs: Blobs) -> Input:

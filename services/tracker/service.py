@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import time
+from contextlib import ExitStack
 
 import cv2
 
@@ -13,12 +15,31 @@ from heel.services.runtime.service import ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
 from heel.services.tracker.core import configured, warm_up
 from heel.services.tracker.settings import TrackerServiceSettings
+from heel.services.tracker.story import sentence
+from heel.services.tracker.trace import Event, Trace
+from heel.services.tracker.trace_file import TraceFile
+
+_log = logging.getLogger("heel.tracker")
+
+
+def log_identities(event: Event) -> None:
+    """Log a change of who is who; the log's own guard bounds how many a second."""
+    if event.kind in ("given up", "re-identified") or event.outcome in ("exchanged", "refuted"):
+        _log.info("%s", sentence(event), extra={"frame": event.frame})
 
 
 def serve(context: ServiceContext[TrackerServiceSettings]) -> None:
     """Track until the stream ends or the service is stopped."""
+    with ExitStack() as stack:
+        trace = Trace(log_identities)
+        if context.settings.trace is not None:
+            trace.add(stack.enter_context(TraceFile(context.settings.trace)).take)
+        _track(context, trace)
+
+
+def _track(context: ServiceContext[TrackerServiceSettings], trace: Trace) -> None:
     warm_up()
-    tracker = configured(context.settings)
+    tracker = configured(context.settings, trace)
     camera = context.settings.camera
     judge = context.subscribe("blobs", keys.blobs(camera), qos.BLOBS)
     out = context.publisher(keys.tracks(camera), qos.TRACKS)

@@ -141,3 +141,9 @@ class TrackerSettings(BaseModel):
 
 class TrackerServiceSettings(ServiceSettings, TrackerSettings):
     """Settings of the tracker process."""
+
+    trace: Path | None = Field(
+        default=None,
+        description="file to which every decision about an identity is written as it falls, up to "
+        "64 MiB; `heel why` tells it in sentences",
+    )

@@ -32,7 +32,9 @@ SCENE = "scene:demo?frames=300&width=320&height=240"
 HERE = {
     "heel run 'scene:crossing?frames=120' --out results --annotate",
     "heel eval ground_truth results",
-    "heel run incident.mp4 --out incident --annotate",
+    "heel run incident.mp4 --out incident --annotate --trace incident.jsonl",
+    "heel why incident.jsonl --id 7",
+    "heel why incident.jsonl --frame 412",
     "heel calibrate walk.mp4 --person-height 1.75 --fov-deg 90 --out camera.toml",
     "heel track-detections ../shared/data/PETS09-S2L1 --out tracks.txt",
     "heel track-detections det.txt --out tracks.txt --fps 25 --image-size 1920x1080",
@@ -242,9 +244,13 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_recordings_are_run_and_scored_as_the_pages_say(desk: Path) -> None:
     for line in ("heel run 'scene:crossing?frames=120' --out results --annotate",
                  "heel eval ground_truth results",
-                 "heel run incident.mp4 --out incident --annotate"):  # fmt: skip
+                 "heel run incident.mp4 --out incident --annotate --trace incident.jsonl",
+                 "heel why incident.jsonl --frame 412"):  # fmt: skip
         done = run(line, desk)
         assert done.returncode == 0, f"{line}: {done.stderr}"
+    assert "(0.00 s): the detector sends regions" in done.stdout
+    # A scene of a few seconds has no seventh person.
+    assert "no id 7 in it" in run("heel why incident.jsonl --id 7", desk).stderr
     page = "docs/guides/first-run.md"
     assert any("scene:crossing" in block.text for block in blocks("sh", page))
     told = (REPOSITORY / page).read_text(encoding="utf-8")

@@ -11,6 +11,7 @@ from heel.services.tracker.blob.identity import Retention, cost_matrix, retain
 from heel.services.tracker.blob.lifecycle import Person
 from heel.services.tracker.blob.settings import BlobSettings
 from heel.services.tracker.blob.sighting import Sighting
+from heel.services.tracker.trace import Event, Trace, probable
 
 _UNINFORMATIVE = 1.0
 """Cost of a place among several people, whose pixels are mixed: the mean of all costs."""
@@ -20,6 +21,7 @@ def split(
     people: Sequence[Person],
     parts: Sequence[Sighting],
     settings: BlobSettings,
+    trace: Trace | None = None,
 ) -> list[tuple[Cluster, Sighting]]:
     """Give each person to a part by the features from before the merge.
 
@@ -27,6 +29,7 @@ def split(
         people: the group, all with reference features.
         parts: 2 to `len(people)` blobs.
         settings: sharpness of the identity confidence.
+        trace: takes what is decided.
 
     Returns:
         Per part the people in it, identities decided and positions moved there.
@@ -45,6 +48,9 @@ def split(
         clusters.append((Cluster(members, part.box), part))
     for person, confidence in zip(people, decision.confidence, strict=True):
         person.identified(confidence)
+        if trace is not None and trace.on:
+            sure = probable(confidence)
+            trace.note(Event("assigned", id=person.id, outcome="kept", probability=sure))
     return clusters
 
 

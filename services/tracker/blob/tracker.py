@@ -18,6 +18,7 @@ from heel.services.tracker.blob.settings import BlobSettings
 from heel.services.tracker.blob.sighting import Sighting, sightings_of
 from heel.services.tracker.blob.splitting import split
 from heel.services.tracker.report import tracks_of
+from heel.services.tracker.trace import Trace
 
 Pairs = list[tuple[Cluster, Sighting | None]]
 
@@ -30,9 +31,10 @@ class BlobTracker:
     another's blob is merged with it.
     """
 
-    def __init__(self, next_id: int) -> None:
+    def __init__(self, next_id: int, trace: Trace | None = None) -> None:
         """Start without people; the first one gets `next_id`."""
         self.next_id = next_id
+        self._trace = trace
         self._settings = BlobSettings()
         self._clusters: list[Cluster] = []
         self._count_before = 0
@@ -75,7 +77,7 @@ class BlobTracker:
             if len(parts) < 2:
                 after.append((cluster, sighting or next(iter(parts), None)))
             else:
-                after += split(cluster.people, parts, self._settings)
+                after += split(cluster.people, parts, self._settings, self._trace)
             free = _without(free, parts)
         return after, free
 

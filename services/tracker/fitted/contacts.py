@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from heel.services.geometry.boxes import cover_of_smaller
 from heel.services.tracker.fitted.person import Person
+from heel.services.tracker.trace import Event, Trace
 
 _CONTACT = 0.25
 """Share of the smaller overlap of two boxes from which two people are in contact."""
@@ -22,7 +23,7 @@ _MIXED_S = 5.0
 tell by; chosen by hand."""
 
 
-def meet(people: Sequence[Person], ratio: float, dt_s: float) -> None:
+def meet(people: Sequence[Person], ratio: float, dt_s: float, trace: Trace | None = None) -> None:
     """Note contacts of this frame; appearance descriptors from before them count no more."""
     boxes = [person.box(ratio) for person in people]
     for first, person in enumerate(people):
@@ -30,6 +31,8 @@ def meet(people: Sequence[Person], ratio: float, dt_s: float) -> None:
             other = people[second]
             if cover_of_smaller(boxes[first], boxes[second]) <= _CONTACT:
                 continue
+            if trace is not None and trace.on and other.id not in person.rivals:
+                trace.note(Event("contact", id=other.id, other=person.id))
             hidden_s = dt_s if min(person.in_view, other.in_view) < _HIDDEN else 0.0
             for one, rival in ((person, other), (other, person)):
                 odds = max(TOUCH, one.rivals.get(rival.id, 0.0))

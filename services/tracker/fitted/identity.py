@@ -26,6 +26,7 @@ from heel.services.tracker.fitted.odds import (
     look_nats,
 )
 from heel.services.tracker.fitted.person import CERTAIN, Person
+from heel.services.tracker.trace import Event, Trace, probable
 
 _KNOWN_LOOKS = 4
 """Descriptors in a gallery from which it is compared with: fewer may all be of one moment; chosen
@@ -68,14 +69,15 @@ class Ids:
 class Identities:
     """Galleries by identity, contacts that are not decided yet, and the people that are lost."""
 
-    def __init__(self, ids: Ids) -> None:
+    def __init__(self, ids: Ids, trace: Trace | None = None) -> None:
         self._ids = ids
+        self._trace = trace or Trace()
         self._galleries: dict[int, Gallery] = {}
         self._memory = Memory()
 
     def meet(self, people: Sequence[Person], ratio: float, dt_s: float) -> None:
         """Note contacts of this frame."""
-        meet(people, ratio, dt_s)
+        meet(people, ratio, dt_s, self._trace)
 
     def see(self, person: Person, look: Look) -> None:
         """Learn a descriptor of a person in the open, or keep it until a contact is decided."""
@@ -102,6 +104,11 @@ class Identities:
     def give_up(self, person: Person, people: Sequence[Person]) -> None:
         """The id stood for more than one person: a new one, and a new gallery with it."""
         old, new = person.id, self._ids.take()
+        if self._trace.on:
+            left = probable(person.identity_confidence)
+            self._trace.note(
+                Event("given up", id=old, other=new, cause="newcomer", probability=left)
+            )
         self._galleries.pop(old, None)
         person.rename(new)
         person.looks.clear()
@@ -150,8 +157,11 @@ class Identities:
             if verdict.confidence < _SURE:
                 if person.id in galleries:
                     self._memory.add(Lost.of(person, galleries[person.id], now_s))
+                before = person.id
                 person.rename(self._ids.take())
+                self._note_verdict(before, person.id, ids, verdict)
             else:
+                self._note_verdict(person.id, ids[verdict.column], ids, verdict)
                 person.id = ids[verdict.column]
                 person.identity_confidence = min(verdict.confidence, CERTAIN)
                 person.runner_up_confidence = verdict.runner_up
@@ -159,6 +169,21 @@ class Identities:
             self._memory.forget({person.id})
             if not person.is_newcomer:
                 self._learn(person)
+
+    def _note_verdict(self, before: int, after: int, ids: Sequence[int], verdict: Verdict) -> None:
+        """Note which id a person has after a contact: one of those known, or a fresh one."""
+        if not self._trace.on:
+            return
+        sure, rest = probable(verdict.confidence), probable(verdict.runner_up)
+        second = ids[verdict.second] if verdict.second >= 0 else 0
+        if after not in ids:
+            event = Event("given up", id=before, other=after, cause="contact", probability=sure,
+                          runner_up=second, runner_up_probability=rest)  # fmt: skip
+        else:
+            event = Event("assigned", id=before, other=0 if after == before else after,
+                          outcome="kept" if after == before else "exchanged", probability=sure,
+                          runner_up=second, runner_up_probability=rest)  # fmt: skip
+        self._trace.note(event)
 
     def _nats(self, person: Person, key: int) -> float:
         """Negative log of the probability that the person has this id, up to a constant."""
@@ -177,7 +202,10 @@ class Identities:
         if lost:
             nats = [look_nats(self._distance(each.gallery, person)) for each in lost]
             verdict = among(nats, _BORDER_PRIOR if person.born_at_border else _INSIDE_PRIOR)
-            if verdict.confidence >= _RECALL_SURE:
+            sure = verdict.confidence >= _RECALL_SURE
+            if self._trace.on and (sure or len(person.looks) >= _MOST_LOOKS):
+                self._trace.note(_comparison(person, lost, verdict, sure))
+            if sure:
                 self._recall(person, lost[verdict.column], verdict, people)
         if not lost or len(person.looks) >= _MOST_LOOKS:
             person.is_newcomer = False
@@ -208,3 +236,16 @@ class Identities:
 
     def _distance(self, gallery: Gallery, person: Person) -> float:
         return float(np.median([gallery.distance(look) for look in person.looks]))
+
+
+def _comparison(person: Person, lost: Sequence[Lost], verdict: Verdict, sure: bool) -> Event:
+    """What is noted of a newcomer that was compared with people out of sight."""
+    best = lost[verdict.column].id
+    probability = probable(verdict.confidence)
+    if not sure:
+        return Event("new", id=person.id, runner_up=best, runner_up_probability=probability)
+    second = 0 if verdict.second < 0 else lost[verdict.second].id
+    return Event(
+        "re-identified", id=best, other=person.id, probability=probability, runner_up=second,
+        runner_up_probability=probable(verdict.runner_up),
+    )  # fmt: skip

@@ -44,11 +44,13 @@ class Verdict:
         column: index of the identity; -1 for none of those known.
         confidence: that this is right, 0 to 1; 0 for none.
         runner_up: the same for the best other identity.
+        second: index of that one; -1 for none of those known.
     """
 
     column: int
     confidence: float
     runner_up: float
+    second: int = -1
 
 
 def decide(nats: Floats, stranger_nats: Sequence[float]) -> list[Verdict]:
@@ -73,7 +75,8 @@ def decide(nats: Floats, stranger_nats: Sequence[float]) -> list[Verdict]:
             verdicts.append(Verdict(-1, 0.0, 0.0))
         else:
             rest = 1.0 - confidence if other_known else 0.0
-            verdicts.append(Verdict(column, confidence, rest))
+            second = int(other.columns[row]) if other_known else -1
+            verdicts.append(Verdict(column, confidence, rest, second))
     return verdicts
 
 
@@ -90,4 +93,7 @@ def among(nats: Sequence[float], prior: float) -> Verdict:
     shares /= shares.sum()
     best = int(np.argmax(shares[:-1]))
     others = np.delete(shares[:-1], best)
-    return Verdict(best, float(shares[best]), float(others.max(initial=0.0)))
+    second = int(np.argmax(np.where(np.arange(len(nats)) == best, -1.0, shares[:-1])))
+    return Verdict(
+        best, float(shares[best]), float(others.max(initial=0.0)), second if len(others) else -1
+    )

@@ -41,6 +41,7 @@ from heel.services.tracker.fitted.samples import Sample, samples_of
 from heel.services.tracker.fitted.scale import SceneScale
 from heel.services.tracker.report import tracks_of
 from heel.services.tracker.settings import TrackerSettings
+from heel.services.tracker.trace import Trace
 
 _WEIGHT: FloatMap = np.array([0.0, 0.3, 1.0, 1.0, *[0.0] * 252], np.float32)
 """Evidence for a person, 0 to 1, by class of the evidence map, see `heel.schemas.blobs`; chosen by
@@ -96,9 +97,11 @@ class FittedTracker:
     """
 
     def __init__(
-        self, settings: TrackerSettings, next_id: int, calibration: Calibration | None = None
-    ) -> None:
+        self, settings: TrackerSettings, next_id: int, calibration: Calibration | None = None,
+        trace: Trace | None = None,
+    ) -> None:  # fmt: skip
         """Start without people; the first one gets `next_id`."""
+        self._trace = trace or Trace()
         self._calibration = calibration
         self._ids = Ids(next_id)
         self._now_s = 0.0
@@ -109,7 +112,7 @@ class FittedTracker:
         self._canvas: Canvas | None = None
         self._shape: tuple[int, ...] = (0, 0)
         self._frame = 0
-        self._identities = Identities(self._ids)
+        self._identities = Identities(self._ids, self._trace)
         self._unsettled: _Unsettled | None = None
 
     @property
@@ -134,7 +137,7 @@ class FittedTracker:
             smallest = CLUTTER_HEIGHT * self._reporting.min_height * rows
             self._scale = SceneScale(rows, smallest, given=given)
             self._people = []
-            self._identities = Identities(self._ids)
+            self._identities = Identities(self._ids, self._trace)
             self._canvas = None
         if self._scale is None:
             return []

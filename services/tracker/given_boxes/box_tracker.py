@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,12 +36,14 @@ from heel.services.tracker.given_boxes.groups import (
 )
 from heel.services.tracker.given_boxes.identity import CLEAR, Identity
 from heel.services.tracker.given_boxes.looks import MOST_AGAINST
+from heel.services.tracker.given_boxes.memory import Claim
 from heel.services.tracker.given_boxes.newcomers import near_enough, newborn
 from heel.services.tracker.given_boxes.recall import Recall
 from heel.services.tracker.given_boxes.score_scale import ScoreScale
 from heel.services.tracker.given_boxes.track import Track
 from heel.services.tracker.given_boxes.tuning import FILE, Tuning
 from heel.services.tracker.report import Report
+from heel.services.tracker.trace import Event, Trace, probable
 
 _EPSILON_S = 1e-6
 """Slack of comparisons of times [s], below any frame's."""
@@ -83,6 +86,7 @@ class BoxTracker:
         tuning: Tuning = FILE,
         image_size: tuple[int, int] | None = None,
         next_id: int = 1,
+        trace: Trace | None = None,
     ) -> None:
         """Start without tracks.
 
@@ -90,12 +94,14 @@ class BoxTracker:
             tuning: thresholds of the tracker.
             image_size: (width, height) in pixels; without it no track is known to have left.
             next_id: the first id to give out.
+            trace: takes what is decided.
         """
         self._tuning = tuning
         self.next_id = next_id
         self._tracks: list[Track] = []
-        self._identity = Identity(tuning.reassure)
-        self._recall = Recall(tuning, self._identity.model, image_size)
+        self._trace = trace or Trace()
+        self._identity = Identity(tuning.reassure, self._trace)
+        self._recall = Recall(tuning, self._identity.model, image_size, self._trace)
         self._rows = (image_size or (0, 0))[1]
         self._carried = False
         self._carrier = Carrier()
@@ -177,7 +183,9 @@ class BoxTracker:
             (t_s, self._elapsed_s),
         )
         for doubt in refuted:
+            left = doubt.kept()
             person = doubt.track.part(self._new_id(), doubt.galleries[0], t_s)
+            self._note_given_up(person.track_id, doubt.track.track_id, "newcomer", left)
             if doubt.person_is_known():
                 self._recall.lose(person, pictures=True)
 
@@ -288,7 +296,13 @@ class BoxTracker:
             if track.confirmed and not self._identity.undecided(track):
                 away_s = 0.0 if pictures else t_s - track.seen_s
                 if self._in_doubt(track, away_s, float(others.sum())):
+                    left, before = track.confidence, track.track_id
                     track.track_id, track.confidence = self._new_id(), 1.0
+                    low = left < self._tuning.give_up
+                    self._note_given_up(
+                        before, track.track_id, "confidence" if low else "return", left,
+                        self._rival(sure[:, j], i), track.runner_up,
+                    )  # fmt: skip
             shared = 0.0
             if not track.confirmed and len(known):
                 shared = float(iou_matrix(track.box()[None], known).max())
@@ -350,16 +364,70 @@ class BoxTracker:
             for track in self._tracks
             if track.confirmed or near_enough(track, self._tracks, least_px, tuning)
         ]
-        found = self._recall.recognised(near, t_s, stands, pictures)
-        for newcomer, old, probability in found:
-            newcomer.become(old, probability)
-        known = {id(old) for _, old, _ in found}
+        claims = self._recall.recognised(near, t_s, stands, pictures)
+        found = [claim for claim in claims if claim.holds]
+        for claim in found:
+            self._note_claim(claim)
+            claim.newcomer.become(claim.known, claim.probability)
+        known = {id(claim.known) for claim in found}
         self._tracks = [track for track in self._tracks if id(track) not in known]
         self._recall.lost = [track for track in self._recall.lost if id(track) not in known]
         for track in near:
             if track.seen_s == t_s and track.ready(tuning):
                 track.confirmed = True
                 track.track_id = track.track_id or self._new_id()
+        for claim in claims:
+            if not claim.holds and claim.newcomer.track_id:
+                self._note_claim(claim)
+
+    def _note_claim(self, claim: Claim) -> None:
+        """Note a re-identification, or the person that a newcomer was compared with and is not."""
+        if not self._trace.on:
+            return
+        if not claim.holds:
+            event = Event(
+                "new", id=claim.newcomer.track_id, probability=probable(claim.new_probability),
+                runner_up=claim.known.track_id,
+                runner_up_probability=probable(claim.probability),
+            )  # fmt: skip
+        else:
+            other = claim.runner_up is not None
+            other = other and claim.runner_up_probability > claim.new_probability
+            event = Event(
+                "re-identified", id=claim.known.track_id, other=claim.newcomer.track_id,
+                probability=probable(claim.probability),
+                runner_up=claim.runner_up.track_id if other and claim.runner_up else 0,
+                runner_up_probability=probable(
+                    claim.runner_up_probability if other else claim.new_probability
+                ),
+            )  # fmt: skip
+        self._trace.note(event)
+
+    def _note_given_up(
+        self, old: int, new: int, cause: Literal["confidence", "return", "newcomer"], left: float,
+        rival: int = 0, rival_probability: float | None = None,
+    ) -> None:  # fmt: skip
+        if self._trace.on:
+            best = None if rival_probability is None else probable(rival_probability)
+            self._trace.note(
+                Event(
+                    "given up",
+                    id=old,
+                    other=new,
+                    cause=cause,
+                    probability=probable(left),
+                    runner_up=rival,
+                    runner_up_probability=best,
+                )
+            )
+
+    def _rival(self, sure: FloatArray, own: int) -> int:
+        """Id of the track, beside `own`, that a box is most probably of; 0 for none."""
+        others = np.delete(np.arange(len(sure)), own)
+        if not len(others):
+            return 0
+        best = int(others[np.argmax(sure[others])])
+        return self._tracks[best].track_id if sure[best] > 0 else 0
 
     def _new_id(self) -> int:
         self.next_id += 1

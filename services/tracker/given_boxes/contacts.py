@@ -17,6 +17,7 @@ import numpy as np
 from heel.services.tracker.given_boxes.geometry import FloatArray
 from heel.services.tracker.given_boxes.looks import Gallery, LookModel
 from heel.services.tracker.given_boxes.track import Track
+from heel.services.tracker.trace import Event, Trace, bounded, probable
 
 _LEAST_LOOKS = 2
 """Frames with a descriptor before a contact is decided; chosen by hand."""
@@ -61,15 +62,20 @@ class Contact:
         )
         kept = min(max(kept, 1e-3), 1 - 1e-3)
         prior = min(max(math.log(kept / (1 - kept)), -_MOST_PRIOR), _MOST_PRIOR)
-        return prior + self.evidence * min(1.0, _INDEPENDENT / max(self.looks, 1))
+        return prior + self.looks_log_odds()
+
+    def looks_log_odds(self) -> float:
+        """The part of these log odds that appearance gives."""
+        return self.evidence * min(1.0, _INDEPENDENT / max(self.looks, 1))
 
 
 class Contacts:
     """All contacts that are not decided yet."""
 
-    def __init__(self, looks: LookModel) -> None:
+    def __init__(self, looks: LookModel, trace: Trace | None = None) -> None:
         """Start without contacts."""
         self._looks = looks
+        self._trace = trace or Trace()
         self._open: list[Contact] = []
 
     def among(self, track: Track) -> bool:
@@ -85,6 +91,8 @@ class Contacts:
                 contact.touched_s, contact.evidence, contact.looks = t_s, 0.0, 0
                 contact.clear_s = 0.0
                 return
+        if self._trace.on:
+            self._trace.note(Event("contact", id=first.track_id, other=second.track_id))
         self._open.append(
             Contact(
                 (first, second),
@@ -107,15 +115,20 @@ class Contacts:
         undecided = []
         for contact in self._open:
             if not all(id(track) in known for track in contact.people):
+                if self._trace.on:
+                    self._trace.note(_decision(contact, contact.kept_log_odds(), decided=False))
                 continue
             if contact.touched_s < t_s:
                 self._look(contact, tracks, looks, dt_s)
-            odds = contact.kept_log_odds()
-            decided = contact.looks >= _LEAST_LOOKS and abs(odds) > _DECIDE
+            kept = contact.kept_log_odds()
+            decided = contact.looks >= _LEAST_LOOKS and abs(kept) > _DECIDE
             if decided or contact.clear_s >= _SETTLE_S:
-                _close(contact, odds, exchanged=decided and odds < 0)
+                exchanged = decided and kept < 0
+                if self._trace.on:
+                    self._trace.note(_decision(contact, kept, decided))
+                _close(contact, kept, exchanged)
             else:
-                contact.share_doubt(odds)
+                contact.share_doubt(kept)
                 undecided.append(contact)
         self._open = undecided[-_MOST_OPEN:]
 
@@ -130,6 +143,19 @@ class Contacts:
             contact.evidence += float(odds[own, column] - odds[1 - own, column])
         contact.looks += 1
         contact.clear_s += dt_s
+
+
+def _decision(contact: Contact, kept_log_odds: float, decided: bool) -> Event:
+    """What is noted of a contact that is about to be closed."""
+    first, second = contact.people
+    exchanged = decided and kept_log_odds < 0
+    looks = contact.looks_log_odds()
+    return Event(
+        "decided", id=first.track_id, other=second.track_id,
+        outcome=("exchanged" if exchanged else "kept") if decided else "open",
+        probability=probable(1 / (1 + math.exp(kept_log_odds if exchanged else -kept_log_odds))),
+        motion_log_odds=bounded(kept_log_odds - looks), looks_log_odds=bounded(looks),
+    )  # fmt: skip
 
 
 def _close(contact: Contact, kept_log_odds: float, exchanged: bool) -> None:

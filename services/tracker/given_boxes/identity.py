@@ -16,6 +16,7 @@ from heel.services.tracker.given_boxes.geometry import FloatArray, crowding
 from heel.services.tracker.given_boxes.looks import LookModel
 from heel.services.tracker.given_boxes.track import Track
 from heel.services.tracker.given_boxes.verification import Verification, Verifications
+from heel.services.tracker.trace import Event, Trace, probable
 
 _DOUBTED = 0.9
 """Identity confidence from which a doubt is settled; chosen by hand."""
@@ -34,16 +35,18 @@ CLEAR = 0.25
 class Identity:
     """Appearance model, and the contacts that it is to decide."""
 
-    def __init__(self, reassure: float) -> None:
+    def __init__(self, reassure: float, trace: Trace | None = None) -> None:
         """Start without galleries.
 
         Args:
             reassure: weight of colours in settling a doubt, share of their log odds per second; 0:
                 they settle none.
+            trace: takes what is decided.
         """
         self.model = LookModel()
-        self._contacts = Contacts(self.model)
-        self._verifications = Verifications(self.model)
+        self._trace = trace or Trace()
+        self._contacts = Contacts(self.model, self._trace)
+        self._verifications = Verifications(self.model, self._trace)
         self._reassure = reassure
 
     def open(self, track: Track) -> bool:
@@ -78,7 +81,18 @@ class Identity:
         best = 1 + int(np.argmax(odds[1:]))
         prior = _ALIKE_AT_EDGE if at_edge else _ALIKE
         doubt = prior * math.exp(min(float(odds[best] - odds[0]), _MOST_ALIKE))
-        return 1 / (1 + doubt)
+        same = 1 / (1 + doubt)
+        if self._trace.on:
+            self._trace.note(
+                Event(
+                    "returned",
+                    id=track.track_id,
+                    probability=probable(same),
+                    runner_up=everyone[best].track_id,
+                    runner_up_probability=probable(1 - same),
+                )
+            )
+        return same
 
     def reassure(
         self,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,6 +57,28 @@ class Circumstances:
     area_px2: float | None
 
 
+class Claim(NamedTuple):
+    """The known person that a new track most probably is.
+
+    Attributes:
+        newcomer: the new track.
+        known: the track out of sight.
+        probability: that the two are the same person.
+        runner_up: the next best track out of sight; None where there is no other.
+        runner_up_probability: of that one.
+        new_probability: that the track is of none of them.
+        holds: whether the old id is given back.
+    """
+
+    newcomer: Track
+    known: Track
+    probability: float
+    runner_up: Track | None
+    runner_up_probability: float
+    new_probability: float
+    holds: bool
+
+
 def return_log_odds(
     newcomer: Track,
     lost: Track,
@@ -89,8 +112,8 @@ def claims(
     looks: FloatArray | float,
     around: Circumstances,
     trust: float,
-) -> list[tuple[Track, Track, float]]:
-    """Returns of lost people: (newcomer, lost, probability), where that is high enough.
+) -> list[Claim]:
+    """Which lost person each newcomer most probably is, and whether that is probable enough.
 
     Args:
         newcomers: tracks about to be confirmed, or confirmed lately. lost: tracks out of sight.
@@ -103,11 +126,26 @@ def claims(
     odds = np.array([[return_log_odds(new, old, around) for new in newcomers] for old in lost])
     odds = np.maximum(odds + looks, -1e6)
     sure = marginals(odds)
-    return [
-        (newcomers[j], lost[i], float(sure[i, j]))
-        for i, j in assign(odds)
-        if sure[i, j] >= (_LATER_TRUST if newcomers[j].confirmed else trust)
-    ]
+    assigned = {j: i for i, j in assign(odds)}
+    return [_claim(newcomers, lost, sure, j, assigned.get(j), trust) for j in range(len(newcomers))]
+
+
+def _claim(
+    newcomers: list[Track], lost: list[Track], sure: FloatArray, j: int, assigned: int | None,
+    trust: float,
+) -> Claim:  # fmt: skip
+    """The claim of newcomer `j`; one that is assigned to no lost person does not hold."""
+    column = sure[:, j]
+    best = int(np.argmax(column)) if assigned is None else assigned
+    least = _LATER_TRUST if newcomers[j].confirmed else trust
+    others = column.copy()
+    others[best] = -1.0
+    second = int(np.argmax(others))
+    return Claim(
+        newcomers[j], lost[best], float(column[best]),
+        lost[second] if second != best else None, max(float(others[second]), 0.0),
+        max(1.0 - float(column.sum()), 0.0), assigned is not None and bool(column[best] >= least),
+    )  # fmt: skip
 
 
 def _gauss(residual: float, variance: float) -> float:

@@ -11,6 +11,7 @@ from heel.services.tracker.given_boxes.carry import CameraStep
 from heel.services.tracker.given_boxes.tuning import ROBOT, tuned
 from heel.services.tracker.report import tracks_of
 from heel.services.tracker.settings import TrackerSettings
+from heel.services.tracker.trace import Trace
 
 
 class PeopleTracker:
@@ -21,6 +22,7 @@ class PeopleTracker:
         image_size: tuple[int, int],
         next_id: int = 1,
         settings: TrackerSettings | None = None,
+        trace: Trace | None = None,
     ) -> None:
         """Start without tracks.
 
@@ -28,8 +30,10 @@ class PeopleTracker:
             image_size: (width, height) of the frames, pixels.
             next_id: the first id to give out.
             settings: of reports and of the use of appearance; defaults if None.
+            trace: takes what is decided.
         """
-        self._tracker = BoxTracker(tuned(ROBOT, settings or TrackerSettings()), image_size, next_id)
+        tuning = tuned(ROBOT, settings or TrackerSettings())
+        self._tracker = BoxTracker(tuning, image_size, next_id, trace)
         self._identify = settings is None or settings.identify
         self._t_s = 0.0
 

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from heel.services.tracker.given_boxes.geometry import FloatArray
 from heel.services.tracker.given_boxes.looks import LookModel
-from heel.services.tracker.given_boxes.memory import Circumstances, claims
+from heel.services.tracker.given_boxes.memory import Circumstances, Claim, claims
 from heel.services.tracker.given_boxes.track import Track
 from heel.services.tracker.given_boxes.tuning import Tuning
+from heel.services.tracker.trace import Event, Trace
 
 _LOOK_AGAIN_HITS = (8, 24)
 """Boxes after which a new track that was not re-identified at once is compared again, with a larger
@@ -28,13 +29,15 @@ class Recall:
     """Keeps lost tracks and finds new tracks that are their returns."""
 
     def __init__(
-        self, tuning: Tuning, looks: LookModel, image_size: tuple[int, int] | None
-    ) -> None:
+        self, tuning: Tuning, looks: LookModel, image_size: tuple[int, int] | None,
+        trace: Trace | None = None,
+    ) -> None:  # fmt: skip
         """Start without lost tracks; without `image_size` none is known to have left."""
         self.lost: list[Track] = []
         self._tuning = tuning
         self._looks = looks
         self._image_size = image_size
+        self._trace = trace or Trace()
 
     def lose(self, track: Track, pictures: bool) -> None:
         """Remember a track that is out of sight.
@@ -45,17 +48,27 @@ class Recall:
         track.left = self.at_edge(track)
         if pictures or not track.left:
             self.lost.append(track)
+        else:
+            self._note_forgotten([track])
 
     def forget(self, t_s: float, pictures: bool) -> None:
         """Drop tracks out of sight for too long, and of too many those lost first."""
         memory_s = _KNOWN_MEMORY_S if pictures else _MEMORY_S
         remembered = [track for track in self.lost if t_s - track.seen_s <= memory_s]
-        self.lost = remembered[-_MOST_REMEMBERED:]
+        self.lost, before = remembered[-_MOST_REMEMBERED:], self.lost
+        if len(self.lost) < len(before):
+            kept = {id(track) for track in self.lost}
+            self._note_forgotten([track for track in before if id(track) not in kept])
+
+    def _note_forgotten(self, tracks: list[Track]) -> None:
+        if self._trace.on:
+            for track in tracks:
+                self._trace.note(Event("forgotten", id=track.track_id))
 
     def recognised(
         self, tracks: list[Track], t_s: float, places: bool, pictures: bool
-    ) -> list[tuple[Track, Track, float]]:
-        """New tracks in this frame that are known people, with the probability.
+    ) -> list[Claim]:
+        """Which known person each new track of this frame most probably is.
 
         Args:
             tracks: confirmed or near. places: whether places in the picture are places in the
@@ -63,7 +76,7 @@ class Recall:
             t_s: now. pictures: whether descriptors are known.
 
         Returns:
-            (new track, known track, probability); both may be among `tracks`.
+            Claims, those that do not hold too; both tracks of one may be among `tracks`.
         """
         newcomers = [t for t in tracks if t.seen_s == t_s and self._asks(t, pictures)]
         missing = list(self.lost) if places or pictures else []

@@ -19,6 +19,7 @@ from heel.services.geometry.boxes import cover_matrix
 from heel.services.tracker.given_boxes.geometry import FloatArray
 from heel.services.tracker.given_boxes.looks import Gallery, LookModel
 from heel.services.tracker.given_boxes.track import Track
+from heel.services.tracker.trace import Event, Trace, bounded, probable
 
 _NEW_S = 2.0
 """Time since its first box for which a track is a newcomer [s]; between 0.7 and 4 s nothing changes
@@ -93,9 +94,10 @@ class Verification:
 class Verifications:
     """All tracks that are in doubt because of a newcomer."""
 
-    def __init__(self, looks: LookModel) -> None:
+    def __init__(self, looks: LookModel, trace: Trace | None = None) -> None:
         """Start without doubts."""
         self._looks = looks
+        self._trace = trace or Trace()
         self._open: dict[int, Verification] = {}
 
     def open(self, track: Track) -> bool:
@@ -153,6 +155,8 @@ class Verifications:
                 continue
             doubt.track.confidence = doubt.kept()
             del self._open[id(doubt.track)]
+            if self._trace.on:
+                self._trace.note(_outcome(doubt, evidence))
         return refuted
 
     def _compared(self, doubt: Verification, seen: list[Track], looks: FloatArray) -> bool:
@@ -170,6 +174,8 @@ class Verifications:
             known = before if before.looks >= _KNOWN_LOOKS else now
             doubt = Verification(track, (known, now), track.confidence)
             self._open[id(track)] = doubt
+            if self._trace.on:
+                self._trace.note(Event("verifying", id=track.track_id, other=newcomer.track_id))
         elif share > _TOGETHER:
             doubt.own.clear()
             doubt.clear_s = 0.0
@@ -183,6 +189,18 @@ class Verifications:
             doubt.newcomers = [track for track in doubt.newcomers if id(track) in known]
             if key not in known or not doubt.newcomers:
                 del self._open[key]
+
+
+def _outcome(doubt: Verification, evidence: float) -> Event:
+    """What is noted of a verification that has ended."""
+    before, since = doubt.evidence() or (0.0, 0.0)
+    return Event(
+        "verified", id=doubt.track.track_id, other=doubt.newcomers[0].track_id,
+        outcome="refuted" if evidence <= _REFUTED else
+        "confirmed" if evidence >= _CONFIRMED else "open",
+        probability=probable(doubt.kept()),
+        before_log_odds=bounded(before), split_log_odds=bounded(since),
+    )  # fmt: skip
 
 
 def _is_new(track: Track, t_s: float) -> bool:
