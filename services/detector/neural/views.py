@@ -35,9 +35,9 @@ frame as long as nobody is expected anywhere."""
 _FRAME_PIXELS = 350_000
 """That a network is shown of a frame, in closer looks: two of 416x416 pixels, eight of 192x192."""
 _MOST_LOOKS = 8
+"""Closer looks at a frame, however small the network: so many people in turns; chosen by hand."""
 _NEAR_LOOKS = 3
 """Of the smaller of two networks: with more the pair takes as long as the larger one alone."""
-"""Closer looks at a frame, however small the network: so many people in turns; chosen by hand."""
 _EDGE_SHARE = 0.01
 """Boxes nearer to the edge of a view than this share of its height are cut off by it."""
 _SAME_IOU = 0.4  # from this overlap on a box of the frame and one of a view are of the same person
