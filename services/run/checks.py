@@ -60,6 +60,8 @@ def check_settings(options: RunOptions) -> Perception:
         options.preset, options.target, options.config, options.detector, options.model,
         options.model_class, options.model_head, options.trace,
     )  # fmt: skip
-    if (traced := shown["tracker"]["trace"]) is not None:
+    traced = shown["tracker"]["trace"]
+    # The folder of the results is made when the run begins.
+    if traced is not None and Path(traced).parent.resolve() != options.out.resolve():
         check_place(Path(traced))
     return Perception.of(shown["detector"], shown["tracker"])

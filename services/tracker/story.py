@@ -43,7 +43,17 @@ def about(event: Event, track_id: int) -> bool:
 def told(
     events: Sequence[Event], track_id: int | None = None, frame: int | None = None
 ) -> list[str]:
-    """Sentences, in time order.
+    """Sentences, in time order; arguments as of `story`."""
+    return [
+        f"frame {one.frame} ({one.t_s:.2f} s): {sentence(one)}."
+        for one in story(events, track_id, frame)
+    ]
+
+
+def story(
+    events: Sequence[Event], track_id: int | None = None, frame: int | None = None
+) -> list[Event]:
+    """The events that are told.
 
     Args:
         events: of a trace, as written.
@@ -55,7 +65,7 @@ def told(
         before = [event for event in chosen if event.frame < frame - AROUND_FRAMES]
         near = [event for event in chosen if abs(event.frame - frame) <= AROUND_FRAMES]
         chosen = before[-1:] + near
-    return [f"frame {one.frame} ({one.t_s:.2f} s): {sentence(one)}." for one in chosen]
+    return chosen
 
 
 def sentence(event: Event) -> str:

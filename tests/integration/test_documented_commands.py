@@ -35,6 +35,8 @@ HERE = {
     "heel run incident.mp4 --out incident --annotate --trace incident.jsonl",
     "heel why incident.jsonl --id 7",
     "heel why incident.jsonl --frame 412",
+    "heel why incident.jsonl --frame 412 --frames incident.mp4 --tracks incident/tracks.txt "
+    "--strip why.png",
     "heel calibrate walk.mp4 --person-height 1.75 --fov-deg 90 --out camera.toml",
     "heel track-detections ../shared/data/PETS09-S2L1 --out tracks.txt",
     "heel track-detections det.txt --out tracks.txt --fps 25 --image-size 1920x1080",
@@ -249,8 +251,11 @@ def test_recordings_are_run_and_scored_as_the_pages_say(desk: Path) -> None:
         done = run(line, desk)
         assert done.returncode == 0, f"{line}: {done.stderr}"
     assert "(0.00 s): the detector sends regions" in done.stdout
-    # A scene of a few seconds has no seventh person.
+    # A scene of a few seconds has no seventh person, and nobody shown.
     assert "no id 7 in it" in run("heel why incident.jsonl --id 7", desk).stderr
+    strip = "--frames incident.mp4 --tracks incident/tracks.txt --strip why.png"
+    done = run(f"heel why incident.jsonl --frame 412 {strip}", desk)
+    assert done.returncode == 0 or "incident/tracks.txt: " in done.stderr, done.stderr
     page = "docs/guides/first-run.md"
     assert any("scene:crossing" in block.text for block in blocks("sh", page))
     told = (REPOSITORY / page).read_text(encoding="utf-8")

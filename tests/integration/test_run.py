@@ -48,7 +48,8 @@ def processes_using(folder: Path) -> list[int]:
 @pytest.fixture(scope="module")
 def lossless(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("lossless")
-    done = heel("run", SCENE, "--out", out, "--lossless", "--annotate")
+    trace = out / "trace.jsonl"
+    done = heel("run", SCENE, "--out", out, "--lossless", "--annotate", "--trace", trace)
     assert done.returncode == 0, done.stderr
     return out
 
@@ -64,12 +65,14 @@ def test_lossless_run_loses_nothing(lossless: Path) -> None:
 def test_lossless_run_equals_the_in_process_pipeline_byte_for_byte(
     lossless: Path, tmp_path: Path
 ) -> None:
-    done = heel("run", SCENE, "--out", tmp_path, "--in-process")
+    out = tmp_path / "new"
+    done = heel("run", SCENE, "--out", out, "--in-process", "--trace", out / "trace.jsonl")
     assert done.returncode == 0, done.stderr
     tracks = (lossless / "tracks.txt").read_bytes()
     assert tracks, "the scene has people in it"
-    assert (tmp_path / "tracks.txt").read_bytes() == tracks
-    assert (tmp_path / "commands.csv").read_bytes() == (lossless / "commands.csv").read_bytes()
+    for name in ("tracks.txt", "commands.csv", "trace.jsonl"):
+        assert (out / name).read_bytes() == (lossless / name).read_bytes()
+    assert (out / "trace.jsonl").read_text().count("\n") > 2
 
 
 def test_lossless_run_equals_itself(lossless: Path, tmp_path: Path) -> None:
