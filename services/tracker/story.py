@@ -10,6 +10,8 @@ from heel.services.tracker.trace import Event, Kind
 AROUND_FRAMES = 50
 """Frames before and after the one asked about whose events are told: two to five seconds, the
 length of an encounter; chosen by hand."""
+_UNLIKELY = 0.0005
+"""Probability below which a runner-up is not told: what is rounded to nothing; chosen by hand."""
 
 _INPUTS = {
     "foreground": "the detector sends regions that differ from the background",
@@ -37,7 +39,10 @@ def ids_of(events: Sequence[Event]) -> set[int]:
 
 def about(event: Event, track_id: int) -> bool:
     """Whether an event belongs to the story of an id; which input there is does to any."""
-    return event.kind in ("input", "full") or track_id in (event.id, event.other)
+    if event.kind in ("input", "full"):
+        return True
+    hides_another = event.kind == "unseen" and track_id != event.id
+    return track_id in (event.id, event.other) and not hides_another
 
 
 def told(
@@ -141,8 +146,8 @@ def _re_identified(event: Event) -> str:
 
 def _new(event: Event) -> str:
     own = f"id {event.id} is compared with people out of sight, and stays a person of its own"
-    if not event.runner_up:
-        return own
+    if not event.runner_up or (event.runner_up_probability or 0.0) < _UNLIKELY:
+        return f"{own}: none of them is likely"
     best = f"the likeliest of them is id {event.runner_up} with"
     return f"{own}: {best} {percent(event.runner_up_probability)}, which is too little"
 
@@ -168,11 +173,11 @@ def _verified(event: Event) -> str:
         f"split {_chance(event.split_log_odds)}"
     )
     against = f"id {event.id} against {_newcomer(event)}"
-    if event.outcome == "confirmed":
-        return f"{against}: confirmed, with {percent(event.probability)} ({clues})"
-    if event.outcome == "refuted":
-        return f"{against}: refuted, {percent(event.probability)} is left ({clues})"
-    return f"{against}: colours cannot tell, {percent(event.probability)} is left ({clues})"
+    left = f"{percent(event.probability)} is left, doubts of before included"
+    if event.before_log_odds is None:
+        return f"{against}: that one is gone before both were seen alone; {left}"
+    found = {"confirmed": "confirmed", "refuted": "refuted"}.get(event.outcome or "open")
+    return f"{against}: {found or 'colours cannot tell'} ({clues}); {left}"
 
 
 _SENTENCES: dict[Kind, Callable[[Event], str]] = {
@@ -206,7 +211,7 @@ def _newcomer(event: Event) -> str:
 
 
 def _rest(event: Event, unknown: str = "the next best known person") -> str:
-    if event.runner_up_probability is None or event.runner_up_probability < 0.0005:
+    if event.runner_up_probability is None or event.runner_up_probability < _UNLIKELY:
         return ""
     who = f"id {event.runner_up}" if event.runner_up else unknown
     return f"; runner-up: {who} with {percent(event.runner_up_probability)}"
@@ -219,9 +224,10 @@ def _chance(log_odds: float | None) -> str:
 
 
 def percent(probability: float | None) -> str:
-    """As text; what is neither never nor always does not become 0 or 100 by rounding."""
+    """As text; nothing is certain, so that none is 0 or 100 %."""
     if probability is None:
         return "an unknown probability"
     value = 100.0 * probability
-    digits = 0 if 1.0 <= value <= 99.0 else 1
-    return f"{min(max(value, 0.1), 99.9) if 0.0 < value < 100.0 else value:.{digits}f} %"
+    if value < 0.1 or value > 99.9:
+        return "under 0.1 %" if value < 0.1 else "over 99.9 %"
+    return f"{value:.{0 if 1.0 <= value <= 99.0 else 1}f} %"

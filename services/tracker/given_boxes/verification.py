@@ -189,6 +189,15 @@ class Verifications:
             doubt.newcomers = [track for track in doubt.newcomers if id(track) in known]
             if key not in known or not doubt.newcomers:
                 del self._open[key]
+                if self._trace.on:
+                    self._trace.note(
+                        Event(
+                            "verified",
+                            id=doubt.track.track_id,
+                            outcome="open",
+                            probability=probable(doubt.track.confidence),
+                        )
+                    )
 
 
 def _outcome(doubt: Verification, evidence: float) -> Event:

@@ -24,6 +24,7 @@ from heel.services.tracker.settings import TrackerSettings
 from heel.services.tracker.story import percent, sentence, told
 from heel.services.tracker.trace import Changes, Event, Trace
 from heel.services.tracker.trace_file import TraceFile, read_trace
+from tests.support.documents import blocks
 from tests.unit.tracker import drawn_detections as boxes
 from tests.unit.tracker import drawn_people as regions
 from tests.unit.tracker.given_boxes.test_newcomers_from_a_box import walker
@@ -319,7 +320,13 @@ def test_a_full_disk_ends_the_trace_and_not_the_tracker() -> None:
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.0, "0.0 %"), (1e-9, "0.1 %"), (0.5, "50 %"), (0.99999, "99.9 %"), (1.0, "100.0 %")],
+    [
+        (0.0, "under 0.1 %"),
+        (0.004, "0.4 %"),
+        (0.5, "50 %"),
+        (0.9923, "99.2 %"),
+        (1.0, "over 99.9 %"),
+    ],
 )
 def test_percentages_are_not_rounded_to_certainty(value: float, text: str) -> None:
     assert percent(value) == text
@@ -350,3 +357,8 @@ def test_a_setting_of_the_file_counts_and_the_flag_wins(tmp_path: Path) -> None:
     assert RunOptions("scene:demo", tmp_path, trace=Path("t")).tracker_flags()[-2:] == [
         "--trace", "t",
     ]  # fmt: skip
+
+
+def test_the_guide_shows_what_heel_why_says(file: Path) -> None:
+    (shown,) = blocks("text", "docs/guides/wrong-person.md")
+    assert ask(file, "--id", 1) == shown.text.strip().splitlines()
