@@ -33,7 +33,9 @@ def check_place(path: Path) -> None:
     Raises:
         SettingsError: it is no place for a file.
     """
-    if path.is_dir() or path.is_symlink() or not os.access(path.parent, os.W_OK):
+    # A pipe without a reader would hold the tracker up for good.
+    wrong = path.is_dir() or path.is_symlink() or path.is_fifo()
+    if wrong or not os.access(path.parent, os.W_OK):
         raise SettingsError(f"--trace {path}: give a file, in a folder that can be written to")
 
 
@@ -94,6 +96,8 @@ def read_trace(path: Path) -> list[Event]:
     Raises:
         HeelError: the file cannot be read, is none of these, or is damaged.
     """
+    if path.exists() and not path.is_file():
+        raise HeelError(f"{path}: not a file: give a file made with --trace")
     try:
         with path.open("rb") as file:
             content = file.read(2 * MOST_BYTES + 1)

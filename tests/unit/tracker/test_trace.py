@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import json
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -295,11 +296,13 @@ def test_a_damaged_file_is_one_line(
 
 
 def test_what_is_no_file_is_one_line(tmp_path: Path) -> None:
-    for path in (tmp_path, tmp_path / "missing"):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path, tmp_path / "missing", tmp_path / "pipe"):
         with pytest.raises(HeelError, match="give a file made with --trace"):
             ask(path, "--id", 1)
     (tmp_path / "link").symlink_to(tmp_path / "target")
-    for path in (tmp_path, tmp_path / "missing" / "trace", tmp_path / "link"):
+    missing = tmp_path / "missing" / "trace"
+    for path in (tmp_path, missing, tmp_path / "link", tmp_path / "pipe"):
         with pytest.raises(SettingsError, match=r"--trace .*: give a file"):
             TraceFile(path)
 
