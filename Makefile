@@ -5,7 +5,8 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PIP := $(BIN)/python $(INSTALL)
-TIMELESS := $(patsubst %,tests/integration/test_%.py,documented_commands own_detector packages python_api)
+TIMELESS := $(patsubst %,tests/integration/test_%.py,\
+	documented_commands own_detector packages python_api run_with_model)
 PEERS := .venv-peers
 PEERS_PIP := $(PEERS)/bin/python $(INSTALL)
 

@@ -111,7 +111,7 @@ def test_recording_commands(tmp_path: Path) -> None:
 
 
 def test_the_drawn_scene_is_played_once_and_scored(tmp_path: Path) -> None:
-    for line in block_with("heel demo"):
+    for line in block_with("heel demo --scene"):
         done = run(f"{line} --port 0 --out {tmp_path}", tmp_path)
         assert done.returncode == 0, f"{line}: {done.stderr}"
         assert "live page: http://127.0.0.1:" in done.stdout
