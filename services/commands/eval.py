@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+
+Flags = Literal["mot15", "ignore", "all"]
+"""What rows with flag 0 mean, as `heel.evaluation.alignment.FlagRule`."""
 
 
 def score(
@@ -23,7 +27,7 @@ def score(
     ],
     iou: Annotated[float, typer.Option(help="least overlap of a match, IoU")] = 0.5,
     flags: Annotated[
-        Literal["mot15", "ignore", "all"],
+        Flags,
         typer.Option(help="rows with flag 0: left out, ignore regions, or people like all others"),
     ] = "mot15",
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object a line")] = False,
@@ -44,9 +48,7 @@ def score(
     """Score TRACKS against GT: MOTA, MOTP, IDF1, HOTA, switches, keep%, wrong%, Dice."""
     from rich.console import Console
 
-    from heel.evaluation.returns import return_scores, returns_table
     from heel.evaluation.sequence_scores import (
-        find_frame_rate,
         find_pairs,
         load_sequence,
         score_sequence,
@@ -56,12 +58,13 @@ def score(
 
     if returns and plot is not None:
         raise typer.BadParameter("it draws no absences: leave --returns or --plot out")
-    scores, back = [], []
-    for truth, output in find_pairs(ground_truth, tracks):
+    pairs = find_pairs(ground_truth, tracks)
+    if returns:
+        _print_returns(pairs, iou, flags, fps, as_json)
+        return
+    scores = []
+    for truth, output in pairs:
         sequence = load_sequence(truth, output, iou_threshold=iou, flags=flags)
-        if returns:
-            back.append(return_scores(sequence, fps or find_frame_rate(truth), iou))
-            continue
         scores.append(score_sequence(sequence, iou_threshold=iou))
         if plot is not None:
             from heel.evaluation.plots import write_plots
@@ -69,8 +72,25 @@ def score(
             for path in write_plots(sequence, plot, iou_threshold=iou):
                 typer.echo(f"wrote {path}", err=True)
     if as_json:
-        typer.echo(scores_json(back or scores))
-    elif returns:
-        Console().print(returns_table(back))
+        typer.echo(scores_json(scores))
     else:
         Console().print(scores_table(scores))
+
+
+def _print_returns(
+    pairs: Sequence[tuple[Path, Path]], iou: float, flags: Flags, fps: float | None, as_json: bool
+) -> None:
+    from rich.console import Console
+
+    from heel.evaluation.returns import return_scores, returns_table
+    from heel.evaluation.sequence_scores import find_frame_rate, load_sequence, scores_json
+
+    scores = []
+    for truth, output in pairs:
+        sequence = load_sequence(truth, output, iou_threshold=iou, flags=flags)
+        rate_hz = find_frame_rate(truth) if fps is None else fps
+        scores.append(return_scores(sequence, rate_hz, iou))
+    if as_json:
+        typer.echo(scores_json(scores))
+    else:
+        Console().print(returns_table(scores))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
 from heel.evaluation.alignment import AlignedSequence, align
 from heel.evaluation.returns import Absences, ReturnScores, return_scores, returns_table
 from heel.schemas.errors import HeelError
+from heel.services.cli import app
 from tests.support.box_rows import rows_from_array
 
 PLACES = {"a": 0.0, "b": 100.0, "c": 200.0}
@@ -100,3 +104,24 @@ def test_the_table_shows_every_number_in_80_characters() -> None:
     for shown in ("11/13/21", "25/27/35", "87", "94", "0.3", "1.6"):
         assert shown in text
     assert "…" not in text
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        ([], "give --fps"),
+        (["--fps", "0"], "give a rate above 0"),
+        (["--fps", "nan"], "give a rate above 0"),
+        (["--fps", "7", "--plot", "plots"], "leave --returns or --plot out"),
+    ],
+)
+def test_the_command_refuses_in_one_line_what_it_cannot_measure(
+    flags: list[str], words: str, tmp_path: Path
+) -> None:
+    rows = "1,1,10,10,20,40,1,-1,-1,-1\n2,1,10,10,20,40,1,-1,-1,-1\n"
+    for name in ("truth.txt", "tracks.txt"):
+        (tmp_path / name).write_text(rows)
+    files = [str(tmp_path / "truth.txt"), str(tmp_path / "tracks.txt")]
+    done = CliRunner().invoke(app, ["eval", *files, "--returns", *flags])
+    assert done.exit_code != 0
+    assert words in f"{done.output} {done.exception}"
