@@ -29,7 +29,6 @@ class Tuning:
             it gets a fresh id; where appearance is known that decides instead.
         most_against_present: most log odds that colours take from a track that was seen a moment
             ago and that no other covers.
-        give_up: identity confidence below which a track gets a fresh id.
         reassure: weight of colours in settling a doubt, share of their log odds per second.
     """
 
@@ -44,7 +43,6 @@ class Tuning:
     trust: float
     rivals: float
     most_against_present: float
-    give_up: float
     reassure: float
 
 
@@ -60,7 +58,6 @@ FILE = Tuning(
     trust=0.65,
     rivals=0.1,
     most_against_present=12.0,
-    give_up=0.03,
     reassure=0.0,
 )
 """For files of boxes, where every false box counts; chosen by hand on public detections."""
@@ -77,7 +74,6 @@ ROBOT = Tuning(
     trust=0.75,
     rivals=0.1,
     most_against_present=3.0,
-    give_up=0.2,
     reassure=1.0,
 )
 """For a robot, for which a doubtful person is better than one lost for a frame, and whose turns
