@@ -10,8 +10,10 @@ does, nobody can say for whom the id was chosen, which may have been in between:
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -38,6 +40,9 @@ _TOGETHER = 0.25
 """Share in common above which the two are not separate again; chosen by hand."""
 _LEAST_LOOKS = 4
 """Descriptors of each before a decision; chosen by hand."""
+_MOST_LOOKS = 128
+"""Descriptors of each that count, the newest: a track that is never seen alone leaves a doubt open
+for as long as its newcomer is in sight. Some seconds; chosen by hand."""
 _INDEPENDENT = 4.0
 """Descriptors whose evidence adds up, as those of neighbouring frames are alike; chosen by hand."""
 _PRIOR = 2.0
@@ -49,6 +54,11 @@ _REFUTED = -8.0
 _SETTLE_S = 1.5
 """Time in clear view after which colours that cannot decide are believed no more [s]; chosen by
 hand."""
+
+
+Odds = deque[list[float]]
+"""Log odds of descriptors by either gallery, the newest `_MOST_LOOKS`."""
+_no_odds: partial[Odds] = partial(deque, maxlen=_MOST_LOOKS)
 
 
 @dataclass
@@ -69,8 +79,8 @@ class Verification:
     galleries: tuple[Gallery, Gallery]
     confidence: float
     newcomers: list[Track] = field(default_factory=list)
-    own: list[list[float]] = field(default_factory=list)
-    theirs: dict[int, list[list[float]]] = field(default_factory=dict)
+    own: Odds = field(default_factory=_no_odds)
+    theirs: dict[int, Odds] = field(default_factory=dict)
     clear_s: float = 0.0
 
     def evidence(self) -> tuple[float, float] | None:
@@ -164,7 +174,7 @@ class Verifications:
         odds = self._looks.compare(list(doubt.galleries), looks).T.tolist()
         for track, value in zip(seen, odds, strict=True):
             own = track is doubt.track
-            (doubt.own if own else doubt.theirs.setdefault(id(track), [])).append(value)
+            (doubt.own if own else doubt.theirs.setdefault(id(track), _no_odds())).append(value)
         return seen[0] is doubt.track
 
     def _note(self, track: Track, newcomer: Track, share: float) -> None:
@@ -187,6 +197,7 @@ class Verifications:
         known = {id(track) for track in tracks}
         for key, doubt in list(self._open.items()):
             doubt.newcomers = [track for track in doubt.newcomers if id(track) in known]
+            doubt.theirs = {who: odds for who, odds in doubt.theirs.items() if who in known}
             if key not in known or not doubt.newcomers:
                 del self._open[key]
                 if self._trace.on:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from heel.schemas import Track, Tracks
 from heel.services.tracker.core import Tracker
+from heel.services.tracker.given_boxes.appearance import describe
+from heel.services.tracker.given_boxes.looks import LookModel
+from heel.services.tracker.given_boxes.track import Track as PersonTrack
+from heel.services.tracker.given_boxes.verification import Verifications
 from heel.services.tracker.settings import TrackerSettings
 from tests.unit.tracker.drawn_detections import (
     GREEN,
@@ -13,6 +19,7 @@ from tests.unit.tracker.drawn_detections import (
     Colours,
     Person,
     follow,
+    patch,
     track_at,
 )
 
@@ -77,3 +84,29 @@ def test_while_nobody_is_seen_alone_the_confidence_says_that_it_is_open(colours:
     late = [track for track in frames[-1].tracks if track.id == before.id]
     assert before.identity_confidence > 0.95
     assert [0.5 < track.identity_confidence < 0.95 for track in late] == [True]
+
+
+def test_a_doubt_that_stays_open_for_long_keeps_a_bounded_number_of_looks() -> None:
+    model = LookModel()
+    doubts = Verifications(model)
+    known, newcomer = (
+        PersonTrack(mean(x), np.zeros((4, 2, 2)), 0.9, 0.0, 0.0, 0.0) for x in (0, 60)
+    )
+    known.confirmed, newcomer.hits = True, 3
+    looks = describe([patch(RED, seed) for seed in range(12)])
+    for look in looks:
+        known.remember(look, 0.0)
+    doubts.note_newcomers([known, newcomer], 0.0)
+    assert doubts.open(known)
+    for _ in range(1000):
+        assert doubts.decide([newcomer], looks[:1], 0.04) == []
+    assert doubts.open(known)
+    (doubt,) = doubts._open.values()
+    assert [len(odds) for odds in doubt.theirs.values()] == [128]
+
+
+def mean(x_px: float) -> NDArray[np.float64]:
+    """State of a person 200 pixels high and 80 wide that stands there."""
+    state = np.zeros((4, 2))
+    state[:, 0] = x_px, 300.0, np.log(200.0), np.log(0.4)
+    return state
