@@ -28,7 +28,7 @@ from heel.evaluation.sequence_scores import SequenceScores, score_sequence
 from heel.schemas.errors import HeelError
 from heel.services.commands.track_detections import read_given, shown_rows
 from heel.services.runtime.command_line import run_app
-from heel.services.tracker.given_boxes.sequence import GivenSequence, track_sequence
+from heel.services.tracker.boxes.sequence import GivenSequence, track_sequence
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 OURS = "Heel"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from heel.evaluation.rows import BoxRows, rows_from_xyxy
-from heel.services.tracker.given_boxes.sequence import GivenSequence
+from heel.services.tracker.boxes.sequence import GivenSequence
 
 if TYPE_CHECKING:
     from supervision import Detections

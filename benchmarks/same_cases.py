@@ -51,7 +51,7 @@ from heel.services.run.summary import RunSummary
 from heel.services.simulator.scenarios import SCENARIOS, scenario
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World
-from heel.services.tracker.given_boxes.sequence import track_sequence
+from heel.services.tracker.boxes.sequence import track_sequence
 from heel.services.tracker.settings import TrackerSettings
 from tests.unit.networks.drawn_networks import red_finder
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from heel.evaluation.rows import BoxRows
-    from heel.services.tracker.given_boxes.sequence import GivenSequence, Picture
+    from heel.services.tracker.boxes.sequence import GivenSequence, Picture
     from heel.services.tracker.report import Report
     from heel.services.tracker.settings import TrackerServiceSettings
 
@@ -56,8 +56,8 @@ def track_detections(
     """Give the boxes of DET identities, online; write MOTChallenge rows to TRACKS."""
     from heel.evaluation.motchallenge import write_tracks
     from heel.services.capture.numbered_pictures import pictures_by_number
-    from heel.services.tracker.given_boxes.sequence import track_sequence
-    from heel.services.tracker.given_boxes.tuning import FILE, tuned
+    from heel.services.tracker.boxes.sequence import track_sequence
+    from heel.services.tracker.boxes.tuning import FILE, tuned
     from heel.services.tracker.trace import Trace
     from heel.services.tracker.trace_file import TraceFile
 
@@ -106,7 +106,7 @@ def read_given(
     from heel.evaluation.motchallenge import read_detections, read_sequence_info
     from heel.evaluation.plausible import MOST_FRAMES_WITHOUT_BOXES, check_size
     from heel.services.sequence_file import sequence_file
-    from heel.services.tracker.given_boxes.sequence import GivenSequence
+    from heel.services.tracker.boxes.sequence import GivenSequence
 
     file = detections / "det" / "det.txt" if detections.is_dir() else detections
     rows = read_detections(file)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from heel.schemas import Blobs, CameraMotion, Track, Tracks
 from heel.services.geometry.calibration_file import Calibration, read_calibration
-from heel.services.tracker.blob.tracker import BlobTracker
-from heel.services.tracker.fitted.tracker import FittedTracker
-from heel.services.tracker.given_boxes.people import PeopleTracker
+from heel.services.tracker.boxes.detected_people import PeopleTracker
+from heel.services.tracker.evidence.tracker import FittedTracker
+from heel.services.tracker.paper.tracker import BlobTracker
 from heel.services.tracker.settings import Input, TrackerSettings
 from heel.services.tracker.sought import SoughtTracker
 from heel.services.tracker.timing import FrameClock

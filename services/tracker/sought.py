@@ -8,7 +8,7 @@ from heel.schemas import Blob, Blobs, Track
 from heel.schemas.base import BoxXyxy
 from heel.services.geometry.boxes import centre, moved
 from heel.services.geometry.picture_motion import moved_point
-from heel.services.tracker.given_boxes.carry import CameraStep
+from heel.services.tracker.people.carry import CameraStep
 from heel.services.tracker.report import Report, tracks_of
 from heel.services.tracker.settings import Reporting
 

@@ -18,8 +18,8 @@ from heel.schemas.errors import SettingsError
 from heel.services.cli import app
 from heel.services.pipeline import load_pipeline
 from heel.services.run.options import RunOptions
+from heel.services.tracker.boxes.sequence import GivenSequence, track_sequence
 from heel.services.tracker.core import Tracker
-from heel.services.tracker.given_boxes.sequence import GivenSequence, track_sequence
 from heel.services.tracker.service import log_identities
 from heel.services.tracker.settings import TrackerSettings
 from heel.services.tracker.story import percent, sentence, told
@@ -28,7 +28,7 @@ from heel.services.tracker.trace_file import TraceFile, read_trace
 from tests.support.documents import blocks
 from tests.unit.tracker import drawn_detections as boxes
 from tests.unit.tracker import drawn_people as regions
-from tests.unit.tracker.given_boxes.test_newcomers_from_a_box import walker
+from tests.unit.tracker.boxes.test_newcomers_from_a_box import walker
 from tests.unit.tracker.test_sought import blob, frame
 from tests.unit.tracker.test_tracker_identity import meeting
 

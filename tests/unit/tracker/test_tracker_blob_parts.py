@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from heel.schemas.base import BoxXyxy
 from heel.services.geometry import boxes
-from heel.services.tracker.blob.assignment import assign
-from heel.services.tracker.blob.features import FAMILIES, extract
-from heel.services.tracker.blob.identity import cost_matrix, retain
-from heel.services.tracker.blob.kalman import BoxFilter
-from heel.services.tracker.blob.occlusion import aspect_ratio, classify, is_occlusion
-from heel.services.tracker.blob.settings import BlobSettings
+from heel.services.tracker.paper.assignment import assign
+from heel.services.tracker.paper.features import FAMILIES, extract
+from heel.services.tracker.paper.identity import cost_matrix, retain
+from heel.services.tracker.paper.kalman import BoxFilter
+from heel.services.tracker.paper.occlusion import aspect_ratio, classify, is_occlusion
+from heel.services.tracker.paper.settings import BlobSettings
 
 SETTINGS = BlobSettings()
 PERSON: BoxXyxy = (100.0, 100.0, 140.0, 220.0)

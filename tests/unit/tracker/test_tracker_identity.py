@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from heel.schemas import Track, Tracks
 from heel.services.tracker.core import Tracker
-from heel.services.tracker.fitted.appearance import Gallery, distance, look_of
-from heel.services.tracker.fitted.identity import Identities, Ids
-from heel.services.tracker.fitted.kalman import FootFilter
-from heel.services.tracker.fitted.person import Person
+from heel.services.tracker.evidence.appearance import Gallery, distance, look_of
+from heel.services.tracker.evidence.identity import Identities, Ids
+from heel.services.tracker.evidence.kalman import FootFilter
+from heel.services.tracker.evidence.person import Person
 from heel.services.tracker.settings import TrackerSettings
 from tests.unit.tracker.drawn_people import (
     BLUE,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from heel.schemas.blobs import FOREGROUND, MOVING
-from heel.services.tracker.fitted.canvas import Canvas
-from heel.services.tracker.fitted.kalman import FootFilter
-from heel.services.tracker.fitted.lifecycle import confirm_if_due, is_alive, without_duplicates
-from heel.services.tracker.fitted.person import Person
+from heel.services.tracker.evidence.canvas import Canvas
+from heel.services.tracker.evidence.kalman import FootFilter
+from heel.services.tracker.evidence.lifecycle import confirm_if_due, is_alive, without_duplicates
+from heel.services.tracker.evidence.person import Person
 from heel.services.tracker.settings import TrackerSettings
 
 RATIO, DT_S = 0.37, 0.1

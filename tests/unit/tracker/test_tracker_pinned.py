@@ -15,8 +15,8 @@ import pytest
 from heel.schemas import Blob, Blobs, CameraMotion, Patch, Tracks
 from heel.schemas.blobs import FOREGROUND, MOVING
 from heel.services.geometry.calibration_file import Calibration
+from heel.services.tracker.boxes.box_tracker import BoxTracker
 from heel.services.tracker.core import Tracker
-from heel.services.tracker.given_boxes.box_tracker import BoxTracker
 from heel.services.tracker.settings import TrackerSettings
 from tests.support.pinned import Pinned, Value, sums
 from tests.unit.tracker import drawn_detections as detections

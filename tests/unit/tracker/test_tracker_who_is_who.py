@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heel.services.tracker.fitted.appearance import Look
-from heel.services.tracker.fitted.contacts import group_of, meet
-from heel.services.tracker.fitted.identity import Identities, Ids
-from heel.services.tracker.fitted.kalman import FootFilter
-from heel.services.tracker.fitted.lifecycle import at_border, is_torn
-from heel.services.tracker.fitted.odds import Verdict, among, decide, look_nats
-from heel.services.tracker.fitted.person import CERTAIN, Person
+from heel.services.tracker.evidence.appearance import Look
+from heel.services.tracker.evidence.contacts import group_of, meet
+from heel.services.tracker.evidence.identity import Identities, Ids
+from heel.services.tracker.evidence.kalman import FootFilter
+from heel.services.tracker.evidence.lifecycle import at_border, is_torn
+from heel.services.tracker.evidence.odds import Verdict, among, decide, look_nats
+from heel.services.tracker.evidence.person import CERTAIN, Person
 
 HEIGHT, RATIO, DT_S = 50.0, 0.37, 0.1
 KINDS = 6

@@ -1,0 +1,1 @@
+"""Measurements from given boxes: of a detector, or of a MOTChallenge det.txt."""

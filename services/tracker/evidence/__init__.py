@@ -1,0 +1,1 @@
+"""Measurements from the evidence map: person-shaped templates fitted jointly to it."""

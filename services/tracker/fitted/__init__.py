@@ -1,1 +1,0 @@
-"""The default tracker: person-shaped templates fitted jointly to the evidence map."""

@@ -1,0 +1,116 @@
+"""Tracks out of sight: how long they are remembered, and their re-identification."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from heel.services.tracker.boxes.tuning import Tuning
+from heel.services.tracker.people.geometry import FloatArray
+from heel.services.tracker.people.looks import LookModel
+from heel.services.tracker.people.memory import Circumstances, Claim, claims
+from heel.services.tracker.people.track import Track
+from heel.services.tracker.trace import Event, Trace
+
+_LOOK_AGAIN_HITS = (8, 24)
+"""Boxes after which a new track that was not re-identified at once is compared again, with a larger
+gallery; chosen by hand."""
+_MEMORY_S = 16.0
+"""Time without a box after which a track is forgotten [s], appearance unknown; chosen by hand."""
+_KNOWN_MEMORY_S = 120.0
+"""The same [s], where appearance identifies a return: a walk round the block; chosen by hand."""
+_MOST_REMEMBERED = 64
+"""Most tracks out of sight that are remembered; chosen by hand."""
+_EDGE = 0.6
+"""Distance from the picture's edge that counts as at it [box widths]; chosen by hand."""
+
+
+class Recall:
+    """Keeps lost tracks and finds new tracks that are their returns."""
+
+    def __init__(
+        self, tuning: Tuning, looks: LookModel, image_size: tuple[int, int] | None,
+        trace: Trace | None = None,
+    ) -> None:  # fmt: skip
+        """Start without lost tracks; without `image_size` none is known to have left."""
+        self.lost: list[Track] = []
+        self._tuning = tuning
+        self._looks = looks
+        self._image_size = image_size
+        self._trace = trace or Trace()
+
+    def lose(self, track: Track, pictures: bool) -> None:
+        """Remember a track that is out of sight.
+
+        A person that left over the edge comes back at any place, so that the track is forgotten
+        unless appearance can identify it.
+        """
+        track.left = self.at_edge(track)
+        if pictures or not track.left:
+            self.lost.append(track)
+        else:
+            self._note_forgotten([track])
+
+    def forget(self, t_s: float, pictures: bool) -> None:
+        """Drop tracks out of sight for too long, and of too many those lost first."""
+        memory_s = _KNOWN_MEMORY_S if pictures else _MEMORY_S
+        remembered = [track for track in self.lost if t_s - track.seen_s <= memory_s]
+        self.lost, before = remembered[-_MOST_REMEMBERED:], self.lost
+        if len(self.lost) < len(before):
+            kept = {id(track) for track in self.lost}
+            self._note_forgotten([track for track in before if id(track) not in kept])
+
+    def _note_forgotten(self, tracks: list[Track]) -> None:
+        if self._trace.on:
+            for track in tracks:
+                self._trace.note(Event("forgotten", id=track.track_id))
+
+    def recognised(
+        self, tracks: list[Track], t_s: float, places: bool, pictures: bool
+    ) -> list[Claim]:
+        """Which known person each new track of this frame most probably is.
+
+        Args:
+            tracks: confirmed or near. places: whether places in the picture are places in the
+                world.
+            t_s: now. pictures: whether descriptors are known.
+
+        Returns:
+            Claims, those that do not hold too; both tracks of one may be among `tracks`.
+        """
+        newcomers = [t for t in tracks if t.seen_s == t_s and self._asks(t, pictures)]
+        missing = list(self.lost) if places or pictures else []
+        if pictures:
+            missing += [t for t in tracks if t.confirmed and t.seen_s < t_s]
+        if not newcomers or not missing:
+            return []
+        looks: FloatArray | float = 0.0
+        if pictures:
+            newest = np.array([track.gallery.newest() for track in newcomers])
+            looks = self._looks.compare([track.gallery for track in missing], newest)
+        around = Circumstances(t_s, places, self._area_px2() if pictures else None)
+        return claims(newcomers, missing, looks, around, self._tuning.trust)
+
+    def _asks(self, track: Track, pictures: bool) -> bool:
+        if not track.confirmed:
+            return track.ready(self._tuning)
+        return pictures and track.hits in _LOOK_AGAIN_HITS
+
+    def _area_px2(self) -> float | None:
+        return None if self._image_size is None else float(np.prod(self._image_size))
+
+    def at_edge(self, track: Track) -> bool:
+        """Whether the box is at an edge of the picture, where people come and go."""
+        return bool(self._near_edges(track).any())
+
+    def at_side(self, track: Track) -> bool:
+        """The same for left and right alone: near people reach the lower edge all the time."""
+        return bool(self._near_edges(track)[::2].any())
+
+    def _near_edges(self, track: Track) -> NDArray[np.bool_]:
+        """At which of left, top, right and lower edge the box is, (4,)."""
+        if self._image_size is None:
+            return np.zeros(4, bool)
+        box = track.box()
+        inside = np.concatenate([box[:2], np.array(self._image_size) - box[2:]])
+        return np.asarray(inside < _EDGE * (box[2] - box[0]))

@@ -1,0 +1,196 @@
+"""Looks of people: the description, galleries, what a distance is worth, and contacts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heel.services.tracker.boxes.frame import FrameBoxes
+from heel.services.tracker.people.appearance import LOOK_LENGTH, cut_out, describe, distances
+from heel.services.tracker.people.contacts import Contacts
+from heel.services.tracker.people.geometry import FloatArray
+from heel.services.tracker.people.identity import Identity
+from heel.services.tracker.people.looks import Gallery, LookModel, nearest_views
+from heel.services.tracker.people.track import Track
+from tests.unit.tracker.drawn_detections import BLUE, GREEN, RED, Colours, patch
+
+ALMOST_RED: Colours = ((32, 34, 197), (62, 51, 42))
+BOX = np.array([[100.0, 100.0, 180.0, 300.0]])
+
+
+def looks(colours: Colours, count: int, seed: int = 0) -> FloatArray:
+    return describe([patch(colours, seed + k) for k in range(count)])
+
+
+def person(track_id: int, colours: Colours) -> Track:
+    track = Track(np.zeros((4, 2)), np.zeros((4, 2, 2)), 0.9, 0.0, 0.0, 0.0, track_id=track_id)
+    for look in looks(colours, 10, 100 * track_id):
+        track.gallery.add(look)
+    return track
+
+
+def test_looks_have_unit_length_and_do_not_depend_on_who_else_is_described() -> None:
+    patches = [patch(colours, 1) for colours in (RED, GREEN, BLUE)]
+    together = describe(patches)
+    assert np.linalg.norm(together, axis=1) == pytest.approx(np.ones(3))
+    for look, one in zip(together, patches, strict=True):
+        np.testing.assert_allclose(describe([one])[0], look)
+
+
+def test_nobody_and_tiny_patches_have_a_look_without_colour() -> None:
+    assert describe([]).shape == (0, LOOK_LENGTH)
+    tiny = describe([np.zeros((5, 2, 3), np.uint8), np.full((4, 90, 3), 255, np.uint8)])
+    assert len(np.unique(tiny)) == 1
+
+
+def test_a_box_over_the_edge_is_cut_to_the_picture() -> None:
+    image = np.zeros((100, 80, 3), np.uint8)
+    sizes = [
+        one.shape[:2] for one in cut_out(image, np.array([[-9, 50, 20, 120.0], [90, 0, 99, 9]]))
+    ]
+    assert sizes == [(50, 20), (9, 0)]
+
+
+@pytest.mark.parametrize("scale", [1, 3])
+def test_the_same_person_is_nearer_than_another_at_any_size(scale: int) -> None:
+    large = [patch(RED, k).repeat(scale, 0).repeat(scale, 1) for k in range(5)]
+    same = distances(looks(RED, 5, 50), describe(large))
+    other = distances(looks(BLUE, 5, 50), describe(large))
+    assert same.max() < other.min()
+
+
+def test_a_gallery_takes_a_new_view_for_a_new_look_and_not_more_than_it_may() -> None:
+    gallery = Gallery()
+    for colours in (RED, RED, GREEN, BLUE):
+        gallery.add(looks(colours, 1)[0])
+    assert (len(gallery.views), gallery.looks) == (3, 4)
+    for seed in range(40):
+        rng = np.random.default_rng(seed).random(LOOK_LENGTH) ** 8
+        gallery.add(rng / np.linalg.norm(rng))
+    assert len(gallery.views) == 5
+    copy = gallery.copy()
+    gallery.add(looks(RED, 1)[0])
+    assert copy.looks == gallery.looks - 1
+
+
+def test_an_empty_gallery_says_nothing() -> None:
+    assert nearest_views([Gallery(), Gallery()], looks(RED, 3)).tolist() == [[1.0] * 3] * 2
+    assert LookModel().compare([Gallery()], looks(RED, 2)).tolist() == [[0.0, 0.0]]
+
+
+def test_what_a_look_is_worth_is_bounded_and_learned() -> None:
+    model, people = LookModel(), [person(1, RED), person(2, GREEN)]
+    for seed in range(60):
+        both = np.concatenate([looks(RED, 1, 500 + seed), looks(GREEN, 1, 900 + seed)])
+        model.learn([one.gallery for one in people], both)
+    odds = model.compare([people[0].gallery], np.concatenate([looks(RED, 3), looks(BLUE, 3)]))[0]
+    assert (odds[:3] > 2).all()
+    assert (odds[3:] < -2).all()
+    assert model.log_odds(np.array([0.0, 1.0])).tolist() == pytest.approx([6.0, -12.0])
+
+
+def meet(first: Track, second: Track, seen: tuple[Colours, Colours], frames: int = 30) -> None:
+    """Two who could be taken for each other at time 0 are seen alone, in these clothes."""
+    contacts = Contacts(LookModel())
+    contacts.touch(first, second, 0.0)
+    first.confidence = second.confidence = 0.5
+    assert contacts.among(first)
+    known = {id(first), id(second)}
+    for frame in range(1, frames):
+        now = np.concatenate([looks(colours, 1, 300 + frame) for colours in seen])
+        contacts.decide([first, second], now, known, 0.1 * frame, 0.1)
+    assert not contacts.among(first)
+
+
+@pytest.mark.parametrize(
+    ("second", "seen", "ids", "sure"),
+    [
+        (GREEN, (RED, GREEN), (1, 2), True),
+        (GREEN, (GREEN, RED), (2, 1), True),
+        (ALMOST_RED, (RED, ALMOST_RED), (1, 2), False),
+    ],
+    ids=["kept", "exchanged", "twins"],
+)
+def test_who_is_who_after_a_contact(
+    second: Colours, seen: tuple[Colours, Colours], ids: tuple[int, int], sure: bool
+) -> None:
+    one, other = person(1, RED), person(2, second)
+    meet(one, other, seen)
+    assert (one.track_id, other.track_id) == ids
+    assert (one.confidence > 0.9) == (other.confidence > 0.9) == sure
+    assert all(0 <= track.runner_up <= 1 for track in (one, other))
+
+
+def test_a_contact_ends_when_one_of_the_two_is_forgotten() -> None:
+    one, other = person(1, RED), person(2, GREEN)
+    contacts = Contacts(LookModel())
+    contacts.touch(one, other, 0.0)
+    contacts.decide([], np.zeros((0, LOOK_LENGTH)), {id(one)}, 0.1, 0.1)
+    assert not contacts.among(one)
+
+
+def test_both_are_in_doubt_while_a_contact_is_open() -> None:
+    """A box that may be the other's makes the other's next box as doubtful."""
+    one, other = person(1, RED), person(2, ALMOST_RED)
+    contacts = Contacts(LookModel())
+    one.doubt(rivals=0.5, best=0.5, memory=1.0)
+    contacts.touch(one, other, 0.0)
+    contacts.decide([], np.zeros((0, LOOK_LENGTH)), {id(one), id(other)}, 0.0, 0.1)
+    assert one.confidence == pytest.approx(0.5)
+    assert other.confidence == pytest.approx(0.5)
+    assert other.runner_up == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("missing", "at_edge", "low", "high"),
+    [
+        (None, True, 1.0, 1.0),
+        (GREEN, True, 0.95, 1.0),
+        (ALMOST_RED, True, 0.3, 0.8),
+        (ALMOST_RED, False, 0.8, 0.97),
+    ],
+)
+def test_who_is_back_may_be_a_missing_person_of_the_same_look(
+    missing: Colours | None, at_edge: bool, low: float, high: float
+) -> None:
+    others = [] if missing is None else [person(2, missing)]
+    sure = Identity(reassure=0.0).back(person(1, RED), looks(RED, 1)[0], others, at_edge)
+    assert low <= sure <= high
+
+
+def doubted(seen: Colours, other: Colours, seconds: float = 4.0) -> Track:
+    """A red person of whom motion is not sure, seen alone in these clothes; somebody is missing."""
+    identity = Identity(reassure=1.0)
+    track, missing = person(1, RED), person(2, other)
+    track.confirmed = missing.confirmed = True
+    track.confidence = 0.5
+    known = [track, missing]
+    for k in range(round(10 * seconds)):
+        frame = FrameBoxes(BOX, np.ones(1), np.ones(1), looks(seen, 1, 500 + k), np.ones(1, bool))
+        identity.reassure([(track, 0)], known, frame, 0.1)
+        identity.learn([(track, 0)], [], (known, []), frame, (0.1 * k, 0.1))
+    return track
+
+
+@pytest.mark.parametrize(
+    ("seen", "other", "settled"),
+    [
+        (RED, GREEN, True),
+        (RED, ALMOST_RED, False),
+        (BLUE, GREEN, False),
+        (GREEN, GREEN, False),
+    ],
+    ids=["as known", "with a twin about", "like nobody known", "like who is missing"],
+)
+def test_looks_settle_a_doubt_and_raise_none(seen: Colours, other: Colours, settled: bool) -> None:
+    sure = doubted(seen, other).confidence
+    assert sure > 0.9 if settled else sure == pytest.approx(0.5, abs=0.25)
+    assert sure >= 0.5
+
+
+def test_who_is_in_doubt_goes_on_being_learned_but_that_does_not_settle_the_doubt() -> None:
+    track = doubted(BLUE, GREEN)
+    view = looks(BLUE, 1)
+    assert nearest_views([track.gallery], view)[0, 0] < 0.3
+    assert track.vouched is not None
+    assert nearest_views([track.vouched], view)[0, 0] > 0.4
