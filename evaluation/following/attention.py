@@ -23,10 +23,11 @@ def longest_loss_s(log: EpisodeLog) -> float:
     Time in which the target cannot be seen counts, too, and so does following another person. As
     "longest invisible run" in Follow-Bench 2.0, but of what the robot does, not of what it sees.
     """
-    return _longest_run(log.followed != log.target) * log.period_s
+    return longest_run(log.followed != log.target) * log.period_s
 
 
-def _longest_run(flags: NDArray[np.bool_]) -> int:
+def longest_run(flags: NDArray[np.bool_]) -> int:
+    """The longest run of true values."""
     padded = np.concatenate([[False], flags, [False]]).astype(np.int8)
     edges = np.flatnonzero(np.diff(padded))
     return int((edges[1::2] - edges[::2]).max(initial=0))

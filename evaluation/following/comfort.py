@@ -12,8 +12,8 @@ PERSONAL_SPACE_M = 1.0
 _CLOSING_MPS = 0.05
 """A robot that comes nearer more slowly than this stands, as far as a walker can tell; chosen by
 hand."""
-_SEEN = 0.1
-"""Share of a person's box that has to be seen."""
+SEEN_SHARE = 0.1
+"""Share of a person's box that has to be seen, for the person to be in sight."""
 
 
 def personal_space_compliance(log: EpisodeLog) -> float:
@@ -45,7 +45,7 @@ def driven_to_m(log: EpisodeLog) -> float:
     heading = np.stack([np.cos(log.robot_heading_rad), np.sin(log.robot_heading_rad)], axis=-1)
     ahead = (offsets * heading[:, None, :]).sum(axis=2) / np.maximum(distances, 1e-9)
     closing = log.linear_mps[:, None] * ahead
-    driven = (closing > _CLOSING_MPS) & (log.people_visible > _SEEN)
+    driven = (closing > _CLOSING_MPS) & (log.people_visible > SEEN_SHARE)
     return float(distances[driven].min() if driven.any() else distances.min())
 
 

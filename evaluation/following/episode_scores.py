@@ -17,6 +17,8 @@ from heel.evaluation.following.comfort import (
 from heel.evaluation.following.evt import EvtScores, evt_scores
 from heel.evaluation.following.habitat import HabitatScores, habitat_scores
 from heel.evaluation.following.log import EpisodeLog
+from heel.evaluation.following.recovery import follow_bench_success, returns
+from heel.evaluation.returns import Returns, ReturnScores, summed_up
 from heel.schemas.errors import HeelError
 
 
@@ -50,6 +52,12 @@ class FollowingScores(BaseModel):
     driven_to_m: float = Field(
         ge=0, description="how near it drove to any person in sight, from centre to centre, m"
     )
+    follow_bench_sr: float = Field(
+        ge=0, le=1, description="Follow-Bench's success rate: share of episodes"
+    )
+    returns: ReturnScores = Field(
+        description="the same identity after full occlusion of the target, and losses of it"
+    )
 
 
 class EpisodeScores(BaseModel):
@@ -66,6 +74,8 @@ class EpisodeScores(BaseModel):
     longest_loss_s: float = Field(ge=0)
     min_distance_m: float = Field(ge=0)
     driven_to_m: float = Field(ge=0)
+    follow_bench: float = Field(ge=0, le=1)
+    returns: Returns
 
 
 def score_episode(log: EpisodeLog, max_speed_mps: float) -> EpisodeScores:
@@ -85,6 +95,8 @@ def score_episode(log: EpisodeLog, max_speed_mps: float) -> EpisodeScores:
         longest_loss_s=longest_loss_s(log),
         min_distance_m=minimum_distance_m(log),
         driven_to_m=driven_to_m(log),
+        follow_bench=follow_bench_success(log),
+        returns=returns(log),
     )
 
 
@@ -116,6 +128,8 @@ def summarise(episodes: Sequence[EpisodeScores]) -> FollowingScores:
         longest_loss_s=max(e.longest_loss_s for e in episodes),
         min_distance_m=min(e.min_distance_m for e in episodes),
         driven_to_m=min(e.driven_to_m for e in episodes),
+        follow_bench_sr=_mean([e.follow_bench for e in episodes]),
+        returns=summed_up([e.returns for e in episodes]),
     )
 
 

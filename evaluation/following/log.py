@@ -12,7 +12,7 @@ from heel.schemas.errors import HeelError
 STEP_S = 0.1
 """A step of Habitat and EVT-Bench, whose policies act at about 10 Hz; their limits count steps."""
 NOBODY = -1
-"""In `EpisodeLog.followed`: the robot follows nobody."""
+"""In `EpisodeLog`: the robot follows nobody, or no track is on a person."""
 
 Reals = NDArray[np.float64]
 _BESIDES_STEPS = ("planned_s", "robot_radius_m", "people_radius_m", "target")
@@ -39,6 +39,7 @@ class EpisodeLog:
         path_from_start_m: (N,) shortest way from where the robot was first to the target now, m.
         visible: (N,) share of the target's box that is to be seen in the picture, 0 to 1.
         people_visible: (N, P) the same of everybody.
+        identities: (N, P) id of the track on each person in the newest picture, `NOBODY` for none.
         followed: (N,) index of the person that the robot acts upon, `NOBODY` if upon no one.
         contact: (N,) whether robot and any person touch.
         state: (N,) name of the follower's state.
@@ -58,6 +59,7 @@ class EpisodeLog:
     path_from_start_m: Reals
     visible: Reals
     people_visible: Reals
+    identities: NDArray[np.int64]
     followed: NDArray[np.int64]
     contact: NDArray[np.bool_]
     state: NDArray[np.str_]

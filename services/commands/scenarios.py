@@ -171,14 +171,16 @@ def _tell(
 ) -> None:
     from rich.console import Console
 
-    from heel.services.loops.scenarios.results import report_table, write_episodes
+    from heel.services.loops.scenarios.results import field_table, report_table, write_episodes
 
     if out is not None:
         write_episodes(results, report.mode, out / "episodes.jsonl")
     if as_json:
         typer.echo(report.model_dump_json())
     else:
-        Console(soft_wrap=True).print(report_table(report))
+        console = Console(soft_wrap=True)
+        console.print(report_table(report))
+        console.print(field_table(report))
 
 
 def _progress() -> Progress:

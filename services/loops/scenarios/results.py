@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -12,6 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from heel.evaluation.following.episode_scores import EpisodeScores, FollowingScores, summarise
+from heel.evaluation.returns import RETURNS_CAPTION, RETURNS_COLUMNS, returns_cells
 from heel.schemas.errors import HeelError
 from heel.services.loops.scenarios.perception import EVERYTHING, Senses
 
@@ -96,17 +97,33 @@ def write_episodes(results: Sequence[EpisodeResult], mode: Mode, path: Path) -> 
 
 def report_table(report: ScenarioReport) -> Table:
     """A table for the terminal: one row per scenario and one overall."""
+    return _table(report, _COLUMNS, _cells, _caption(report))
+
+
+def field_table(report: ScenarioReport) -> Table:
+    """Likewise, of people who are out of sight for a while."""
+    return _table(report, ("FB", *RETURNS_COLUMNS), _field_cells, RETURNS_CAPTION)
+
+
+def _table(
+    report: ScenarioReport, titles: Sequence[str],
+    cells: Callable[[FollowingScores], list[str]], caption: str,
+) -> Table:  # fmt: skip
     table = Table(
-        box=SIMPLE_HEAD, padding=0, pad_edge=False, caption=_caption(report), caption_justify="left"
+        box=SIMPLE_HEAD, padding=0, pad_edge=False, caption=caption, caption_justify="left"
     )
     table.add_column("scenario", no_wrap=True)
-    for title in _COLUMNS:
+    for title in titles:
         table.add_column(title, justify="right", no_wrap=True)
     for name, scores in report.scenarios.items():
-        table.add_row(name, *_cells(scores))
+        table.add_row(name, *cells(scores))
     table.add_section()
-    table.add_row("overall", *_cells(report.overall))
+    table.add_row("overall", *cells(report.overall))
     return table
+
+
+def _field_cells(scores: FollowingScores) -> list[str]:
+    return [f"{scores.follow_bench_sr:.2f}", *returns_cells(scores.returns)]
 
 
 def _cells(scores: FollowingScores) -> list[str]:

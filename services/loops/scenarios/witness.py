@@ -70,6 +70,7 @@ class Witness:
         self._target = [person.role for person in world.people].index("target")
         self._moments: list[Moment] = []
         self._followed: list[int] = []
+        self._identities: list[list[int]] = []
         self._states: list[str] = []
 
     def record(self, moment: Moment, state: FollowState, people: dict[int, int]) -> None:
@@ -83,6 +84,10 @@ class Witness:
         self._moments.append(moment)
         person = acted_upon(state, people)
         self._followed.append(NOBODY if person is None else person)
+        identities = [NOBODY] * len(moment.people_m)
+        for track_id, index in people.items():
+            identities[index] = track_id
+        self._identities.append(identities)
         self._states.append(state.state)
 
     def log(self) -> EpisodeLog:
@@ -107,6 +112,7 @@ class Witness:
             path_from_start_m=floor.path_m(np.broadcast_to(robot[0, :2], target.shape), target),
             visible=visible[:, self._target],
             people_visible=visible,
+            identities=np.array(self._identities),
             followed=np.array(self._followed),
             contact=np.array([moment.contact for moment in self._moments]),
             state=np.array(self._states),

@@ -18,6 +18,8 @@ from heel.evaluation.following.episode_scores import score_episode, summarise
 from heel.evaluation.following.evt import EvtScores, evt_scores
 from heel.evaluation.following.habitat import HabitatScores, habitat_scores
 from heel.evaluation.following.log import EpisodeLog
+from heel.evaluation.following.recovery import follow_bench_success, returns
+from heel.evaluation.returns import Absences
 from heel.schemas import HeelError
 
 TARGET, STRANGER, NOBODY = 0, 1, -1
@@ -47,6 +49,7 @@ def log(
         "path_from_start_m": np.array(distances_m),
         "visible": np.ones(count),
         "people_visible": np.ones((count, 2)),
+        "identities": np.tile([7, NOBODY], (count, 1)),
         "followed": np.full(count, TARGET),
         "contact": np.zeros(count, bool),
         "state": np.full(count, "following"),
@@ -255,3 +258,49 @@ def test_a_log_whose_arrays_do_not_belong_together_is_refused(column: str, value
     else:
         with pytest.raises(HeelError, match=column):
             log([1.5] * 3, **{column: value})
+
+
+def test_an_absence_of_the_target_counts_for_the_time_in_which_nothing_of_them_is_in_view() -> None:
+    # In view, missed by the tracker for 1 s, hidden for 3 s with a box guessed on them, back.
+    shown = [1.0] * 30 + [0.0] * 30 + [1.0] * 20
+    ids = [7] * 20 + [NOBODY] * 10 + [7] * 30 + [7] * 20
+    seen = log(
+        [1.5] * 80, visible=shown, people_visible=[[one, 0.0] for one in shown],
+        identities=[[one, NOBODY] for one in ids],
+    )  # fmt: skip
+    found = returns(seen).absences
+    assert {about: (one.same, one.count) for about, one in found.items() if one.count} == {
+        3: (1, 1)
+    }
+
+
+def test_somebody_elses_identity_on_the_target_after_an_absence_is_told_from_a_fresh_one() -> None:
+    shown = [1.0] * 10 + [0.0] * 10 + [1.0] * 20
+    for after, others in ((8, 1), (9, 0)):
+        seen = log(
+            [1.5] * 40, visible=shown, people_visible=[[one, 1.0] for one in shown],
+            identities=[[7, 8]] * 10 + [[NOBODY, 8]] * 10 + [[after, NOBODY]] * 20,
+        )  # fmt: skip
+        assert returns(seen).absences[1] == Absences(count=1, same=0, others=others)
+
+
+def test_the_robot_loses_the_target_while_it_acts_upon_nobody_or_another_person() -> None:
+    lost = [TARGET] * 5 + [NOBODY] * 10 + [TARGET] * 5 + [STRANGER] * 20 + [TARGET] + [NOBODY] * 9
+    found = returns(log([1.5] * 50, followed=lost))
+    assert found.losses == 3
+    assert found.delays_s == pytest.approx((1.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("unseen", "columns", "success"),
+    [
+        ([0] * 80 + [1] * 10 + [0] * 50 + [1], {}, 1.0),
+        ([1] * 10 + [0] * 51 + [1], {}, 0.0),
+        ([1] * 10 + [0] * 20 + [1], {"contact": [False] * 30 + [True]}, 0.0),
+    ],
+    ids=["not seen at first, and lost for 5 s", "lost for longer", "touched"],
+)
+def test_success_in_follow_bench(
+    unseen: list[int], columns: dict[str, list[bool]], success: float
+) -> None:
+    assert follow_bench_success(log([1.5] * len(unseen), visible=unseen, **columns)) == success

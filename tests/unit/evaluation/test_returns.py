@@ -10,7 +10,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from heel.evaluation.alignment import AlignedSequence, align
-from heel.evaluation.returns import Absences, ReturnScores, return_scores, returns_table
+from heel.evaluation.returns import Absences, SequenceReturns, return_scores, returns_table
 from heel.schemas.errors import HeelError
 from heel.services.cli import app
 from tests.support.box_rows import rows_from_array
@@ -35,7 +35,7 @@ def sequence(people: dict[int, str], tracks: dict[int, str]) -> AlignedSequence:
     return align(rows_from_array(rows[0], "ground truth"), rows_from_array(rows[1], "tracks"))
 
 
-def scored(people: dict[int, str], tracks: dict[int, str]) -> ReturnScores:
+def scored(people: dict[int, str], tracks: dict[int, str]) -> SequenceReturns:
     return return_scores(sequence(people, tracks), FPS)
 
 
@@ -93,7 +93,7 @@ def test_a_rate_that_is_none_is_refused(fps: float) -> None:
 
 def test_the_table_shows_every_number_in_80_characters() -> None:
     absences = {k: Absences(count=20 + k, same=10 + k, others=2) for k in (1, 3, 5, 15)}
-    row = ReturnScores(
+    row = SequenceReturns(
         sequence="PETS09-S2L1", absences=absences, losses=87, recovered=82,
         delay_p50_s=0.31, delay_p95_s=1.62,
     )  # fmt: skip

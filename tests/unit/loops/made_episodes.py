@@ -8,6 +8,7 @@ import signal
 from heel.evaluation.following.episode_scores import EpisodeScores
 from heel.evaluation.following.evt import EvtScores
 from heel.evaluation.following.habitat import HabitatScores
+from heel.evaluation.returns import CLASSES, Absences, Returns
 from heel.services.loops.scenarios.parallel import EpisodeTask
 from heel.services.loops.scenarios.results import EpisodeResult
 
@@ -23,6 +24,12 @@ def scores(following_rate: float = 1.0, wrong_time: float = 0.0) -> EpisodeScore
         longest_loss_s=0.5,
         min_distance_m=0.8,
         driven_to_m=1.3,
+        follow_bench=1.0,
+        returns=Returns(
+            absences={about: Absences(count=0, same=0, others=0) for about in CLASSES},
+            losses=1,
+            delays_s=(2.5,),
+        ),
     )
 
 

@@ -12,6 +12,7 @@ from rich.console import Console
 from heel.schemas import HeelError
 from heel.services.loops.scenarios.results import (
     EpisodeResult,
+    field_table,
     make_report,
     report_table,
     write_episodes,
@@ -23,7 +24,7 @@ RESULTS = [
 ]
 SCORES = {
     "episodes", "sr", "tr", "cr", "s", "spl", "f", "wrong_time", "space_1m", "jerk_p95",
-    "longest_loss_s", "min_distance_m", "driven_to_m",
+    "longest_loss_s", "min_distance_m", "driven_to_m", "follow_bench_sr", "returns",
 }  # fmt: skip
 
 
@@ -50,6 +51,16 @@ def test_the_table_names_the_mode_and_fits_80_characters() -> None:
     assert [line.split()[0] for line in lines if line.strip()][2:4] == ["straight", "twin"]
     assert any(line.strip().startswith("overall") for line in lines)
     assert "simulated boxes, through cores: 2 episodes from seed 7, 10.0 times" in " ".join(lines)
+
+
+def test_losses_of_all_episodes_are_summed_up_in_a_second_table() -> None:
+    report = make_report(RESULTS, 7, "simulated boxes", wall_s=6.0)
+    console = Console(width=80, record=True)
+    console.print(field_table(report))
+
+    rows = [line.split() for line in console.export_text().splitlines()]
+    assert ["overall", "1.00", *["0/0/0"] * 4, "2", "100", "2.5", "2.5"] in rows
+    assert (report.overall.returns.losses, report.overall.returns.recovered) == (2, 2)
 
 
 def test_every_episode_becomes_a_line_that_names_the_mode(tmp_path: Path) -> None:

@@ -54,6 +54,13 @@ def test_only_acting_counts_as_following(
     assert witness.log().followed.tolist() == [followed]
 
 
+def test_the_log_tells_which_track_is_on_each_person(world: World) -> None:
+    witness = Witness(world)
+    witness.record(Moment.of_world(world, [1.0, 1.0]), state("idle", None), {8: OTHER})
+
+    assert witness.log().identities.tolist() == [[NOBODY, 8]]
+
+
 def test_the_log_tells_what_the_world_was_like(world: World) -> None:
     witness = Witness(world)
     for _ in range(50):
