@@ -1,0 +1,1 @@
+"""Appearance of people: descriptor, gallery, and a metric learned from the scene."""
