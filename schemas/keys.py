@@ -26,6 +26,26 @@ ALL_HEALTH = "svc/*/*/health"
 ALL_CONFIG = "svc/*/*/config"
 ALL_ALIVE = "alive/*/*"
 ALL_TRACKS = "cam/*/tracks"
+TOPICS = {
+    "image": "cam/*/image",
+    "taken": "cam/*/taken",
+    "info": "cam/*/info",
+    "blobs": "cam/*/blobs",
+    "tracks": ALL_TRACKS,
+    "progress": "cam/*/progress/*",
+    "command": FOLLOW_COMMAND,
+    "state": FOLLOW_STATE,
+    "target": FOLLOW_TARGET,
+    "pointed": FOLLOW_POINTED,
+    "estop": FOLLOW_ESTOP,
+    "odometry": ROBOT_ODOMETRY,
+    "range": ROBOT_RANGE,
+    "drive": ROBOT_DRIVE,
+    "truth": SIM_TRUTH,
+    "world": SIM_WORLD,
+    "health": ALL_HEALTH,
+}
+"""The key expression of every topic, by its short name: the last word of its key."""
 
 
 def chunk(name: str, what: str = "name") -> str:

@@ -14,15 +14,7 @@ from heel.schemas import (
     TargetRequest,
     keys,
 )
-from heel.services.commands.robot import (
-    Config,
-    Connect,
-    Namespace,
-    RunOption,
-    ask,
-    find,
-    session_with,
-)
+from heel.services.commands.robot import RobotFlags, ask, for_robot, session_with
 from heel.services.runtime.logs import printable
 
 if TYPE_CHECKING:
@@ -34,22 +26,20 @@ _POINT_POLL_S = 0.1
 """Seconds between two questions to the follower meanwhile; chosen by hand."""
 
 
+@for_robot
 def follow(
+    robot: RobotFlags,
     who: Annotated[
         list[str],
         typer.Argument(help="an id, `nearest`, `imprint`, `none`, or X Y in pixels", metavar="WHO"),
     ],
-    connect: Connect = None,
-    run: RunOption = None,
-    namespace: Namespace = None,
-    config: Config = None,
 ) -> None:
     """Choose whom the robot follows: `heel follow 7`, `nearest`, `none`, or a point `X Y`.
 
     `imprint` takes the one person who then stands before the robot for two seconds.
     """
     request = _request(who)
-    with session_with(find(connect, run, namespace, config)) as session:
+    with session_with(robot.find()) as session:
         target = ask(session, keys.FOLLOW_TARGET, Target, request)
         if not isinstance(target, Target):
             raise HeelError("no follower answers: start one with `heel follower`, `heel run` or "

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Concatenate, ParamSpec, get_type_hints
 
 import typer
 
@@ -26,18 +27,25 @@ _LOOPBACK_TIMEOUT_S = 0.2
 """Longest wait for a connection within this machine [s], made or refused at once; chosen by
 hand."""
 
-Connect = Annotated[
+_Connect = Annotated[
     str | None,
     typer.Option(help="router to talk to, e.g. tcp/192.168.1.7:7447", metavar="ENDPOINT"),
 ]
-RunOption = Annotated[
+_Run = Annotated[
     int | None,
     typer.Option(
         "--run", help="one of several runs on this machine, by its process", metavar="PID"
     ),
 ]
-Namespace = Annotated[str | None, typer.Option(help="robot's name before every key")]
-Config = Annotated[Path | None, typer.Option(help="settings file (TOML)", metavar="FILE")]
+_Namespace = Annotated[str | None, typer.Option(help="robot's name before every key")]
+_User = Annotated[
+    str | None, typer.Option(help="user name, where the router asks for one", metavar="NAME")
+]
+_PasswordFile = Annotated[
+    Path | None, typer.Option(help="file that holds the password of that user", metavar="FILE")
+]
+_Config = Annotated[Path | None, typer.Option(help="settings file (TOML)", metavar="FILE")]
+P = ParamSpec("P")
 
 
 @dataclass(frozen=True)
@@ -54,51 +62,105 @@ class Where:
         return ", ".join(self.zenoh.connect)
 
 
-def find(connect: str | None, run: int | None, namespace: str | None, config: Path | None) -> Where:
-    """The robot that a command is meant for: the one named, else the one run on this machine.
+@dataclass(frozen=True)
+class RobotFlags:
+    """What a user says of the robot that a command is meant for; None is a flag not given."""
 
-    Without a name and without a run it is the default router. With several it is never guessed:
-    a stop must not go to another robot than the one that is meant.
+    connect: _Connect = None
+    run: _Run = None
+    namespace: _Namespace = None
+    user: _User = None
+    password_file: _PasswordFile = None
+    config: _Config = None
+
+    def find(self) -> Where:
+        """The robot that is meant: the one named, else the one run on this machine.
+
+        Without a name and without a run it is the default router. With several it is never
+        guessed: a stop must not go to another robot than the one that is meant.
+
+        Raises:
+            SettingsError: several are possible, or the one named does not run.
+        """
+        from heel.services.runtime.registry import runs
+
+        settings = self._settings()
+        named = settings.model_fields_set & {"connect", "mode", "config_file"}
+        try:
+            found = runs()
+        except HeelError:
+            if self.run is not None or not named:
+                raise
+            found = []
+        if self.run is not None:
+            chosen = next((one for one in found if one.pid == self.run), None)
+            if chosen is None:
+                raise SettingsError(f"--run {self.run}: no run of that process; {_listed(found)}")
+        elif named:
+            chosen = next((one for one in found if (one.endpoint,) == settings.connect), None)
+        else:
+            chosen = _only(found, settings.connect[0])
+        if chosen is None or named:
+            return Where(settings, chosen)
+        update: dict[str, object] = {"connect": (chosen.endpoint,)}
+        if self.namespace is None and chosen.namespace:
+            update["namespace"] = chosen.namespace
+        return Where(settings.model_copy(update=update), chosen)
+
+    def _settings(self) -> ZenohSettings:
+        from heel.services.runtime.settings import StrictSettings, load_settings
+
+        given = {
+            "connect": self.connect, "namespace": self.namespace, "user": self.user,
+            "password_file": self.password_file,
+        }  # fmt: skip
+        flags: dict[str, dict[str, object]] = {
+            "zenoh": {"connect_timeout_s": TIMEOUT_S} | {k: v for k, v in given.items() if v}
+        }
+        return load_settings("run", StrictSettings, flags, self.config).zenoh
+
+
+def for_robot(command: Callable[Concatenate[RobotFlags, P], None]) -> Callable[..., None]:
+    """A command with the flags of `RobotFlags` in place of its first parameter."""
+    hints = get_type_hints(RobotFlags, include_extras=True)
+    first, *own = inspect.signature(command).parameters.values()
+    own_hints = get_type_hints(command, include_extras=True)
+    # Behind the command's own: `--help` begins with what the command is about.
+    parameters = [
+        *(parameter.replace(annotation=own_hints[parameter.name]) for parameter in own),
+        *(
+            inspect.Parameter(
+                one.name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=hints[one.name]
+            )
+            for one in fields(RobotFlags)
+        ),
+    ]
+
+    def with_flags(**values: Any) -> None:
+        flags = RobotFlags(**{one.name: values.pop(one.name) for one in fields(RobotFlags)})
+        values[first.name] = flags
+        command(**values)
+
+    with_flags.__doc__ = command.__doc__
+    with_flags.__name__ = command.__name__
+    with_flags.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    with_flags.__annotations__ = {one.name: one.annotation for one in parameters}
+    return with_flags
+
+
+def _only(found: list[Run], default: str) -> Run | None:
+    """The one run that can be meant, None if it is the default router.
 
     Raises:
-        SettingsError: several are possible, or the one named does not run.
+        SettingsError: several are possible.
     """
-    from heel.services.runtime.registry import runs
-    from heel.services.runtime.settings import StrictSettings, load_settings
-
-    given = {"connect": connect, "namespace": namespace}
-    flags: dict[str, dict[str, object]] = {
-        "zenoh": {"connect_timeout_s": TIMEOUT_S} | {k: v for k, v in given.items() if v}
-    }
-    settings = load_settings("run", StrictSettings, flags, config).zenoh
-    named = settings.model_fields_set & {"connect", "mode", "config_file"}
-    try:
-        found = runs()
-    except HeelError:
-        if run is not None or not named:
-            raise
-        found = []
-    if run is not None:
-        chosen = next((one for one in found if one.pid == run), None)
-        if chosen is None:
-            raise SettingsError(f"--run {run}: no run of that process; {_listed(found)}")
-    elif named:
-        chosen = next((one for one in found if (one.endpoint,) == settings.connect), None)
-    else:
-        # Runs in another network namespace cannot be meant: they are not reachable from here.
-        found = [one for one in found if _listens(one.endpoint)]
-        chosen = found[0] if found else None
-        if len(found) > 1 or (found and _listens(settings.connect[0])):
-            default = [f"--connect {settings.connect[0]} (a router)"]
-            choices = [one.shown() for one in found]
-            choices += default if _listens(settings.connect[0]) else []
-            raise SettingsError(f"{len(choices)} are possible, name one: {'; '.join(choices)}")
-    if chosen is None or named:
-        return Where(settings, chosen)
-    update: dict[str, object] = {"connect": (chosen.endpoint,)}
-    if namespace is None and chosen.namespace:
-        update["namespace"] = chosen.namespace
-    return Where(settings.model_copy(update=update), chosen)
+    # Runs in another network namespace cannot be meant: they are not reachable from here.
+    found = [one for one in found if _listens(one.endpoint)]
+    if len(found) > 1 or (found and _listens(default)):
+        choices = [one.shown() for one in found]
+        choices += [f"--connect {default} (a router)"] if _listens(default) else []
+        raise SettingsError(f"{len(choices)} are possible, name one: {'; '.join(choices)}")
+    return found[0] if found else None
 
 
 def _listed(found: list[Run]) -> str:

@@ -21,16 +21,7 @@ from heel.schemas import (
     keys,
 )
 from heel.services.commands.follow import shown
-from heel.services.commands.robot import (
-    Config,
-    Connect,
-    Namespace,
-    RunOption,
-    Where,
-    ask,
-    find,
-    session_with,
-)
+from heel.services.commands.robot import RobotFlags, Where, ask, for_robot, session_with
 from heel.services.runtime.chain import (
     CHAIN,
     MISSING,
@@ -90,18 +81,16 @@ class _Heard:
         ]  # fmt: skip
 
 
+@for_robot
 def status(
-    connect: Connect = None,
-    run: RunOption = None,
-    namespace: Namespace = None,
-    config: Config = None,
+    robot: RobotFlags,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
     """Show which services run, who is missing, who is in sight and what the follower is doing.
 
     Ends with 1 if anything is not as it should be, and names it.
     """
-    where = find(connect, run, namespace, config)
+    where = robot.find()
     with session_with(where) as session:
         heard = _listen(session)
     now_s = time.monotonic()

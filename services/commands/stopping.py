@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from heel.schemas import DriveState, EStop, FollowState, HeelError
-from heel.services.commands.robot import Config, Connect, Namespace, RunOption, Where, find
+from heel.services.commands.robot import RobotFlags, Where, for_robot
 from heel.services.commands.robot_line import Heard, RobotLine
 from heel.services.runtime.logs import printable
 from heel.services.runtime.stop_socket import LocalAnswer, drives_here
@@ -42,15 +42,11 @@ chosen by hand."""
 _SOURCE = "heel command"
 
 
-def stop(
-    connect: Connect = None,
-    run: RunOption = None,
-    namespace: Namespace = None,
-    config: Config = None,
-) -> None:
+@for_robot
+def stop(robot: RobotFlags) -> None:
     """Emergency stop: zero velocity until `heel resume`."""
     deadline_s = _deadline_s()
-    where = find(connect, run, namespace, config)
+    where = robot.find()
     message = _stop_message()
     line = RobotLine(where)
     line.say([message])
@@ -69,11 +65,9 @@ def stop(
     _end(line, words, failed)
 
 
+@for_robot
 def resume(
-    connect: Connect = None,
-    run: RunOption = None,
-    namespace: Namespace = None,
-    config: Config = None,
+    robot: RobotFlags,
     without_follower: Annotated[
         bool, typer.Option("--without-follower", help="release the drive though no follower is "
                            "there: another program sends commands")
@@ -84,7 +78,7 @@ def resume(
     Nothing is released unless drive and follower answer, and the stop is engaged again if one of
     them does not obey the release.
     """
-    where = find(connect, run, namespace, config)
+    where = robot.find()
     deadline_s = time.monotonic() + _ASK_S
     line = RobotLine(where)
     here = _Here(where, None)

@@ -11,7 +11,7 @@ import pytest
 
 from heel.schemas import SettingsError
 from heel.services.commands import robot
-from heel.services.commands.robot import find
+from heel.services.commands.robot import RobotFlags
 from heel.services.runtime import registry
 from heel.services.runtime.places import VARIABLE
 from heel.services.runtime.registry import Run, registered
@@ -37,35 +37,35 @@ def other(pid: int = 1) -> Run:
 
 
 def test_without_a_run_it_is_the_default_router() -> None:
-    where = find(None, None, None, None)
+    where = RobotFlags().find()
     assert (where.router, where.run) == (DEFAULT, None)
 
 
 def test_the_one_run_is_found(demo: Run) -> None:
-    where = find(None, None, None, None)
+    where = RobotFlags().find()
     assert (where.router, where.run) == (demo.endpoint, demo)
 
 
 def test_what_is_named_wins_by_flag_environment_or_file(
     demo: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    assert find("tcp/10.0.0.1:7447", None, None, None).router == "tcp/10.0.0.1:7447"
-    assert find(demo.endpoint, None, None, None).run == demo
+    assert RobotFlags(connect="tcp/10.0.0.1:7447").find().router == "tcp/10.0.0.1:7447"
+    assert RobotFlags(connect=demo.endpoint).find().run == demo
     file = tmp_path / "heel.toml"
     file.write_text('[zenoh]\nconnect = ["tcp/10.0.0.2:7447"]\n')
-    assert find(None, None, None, file).router == "tcp/10.0.0.2:7447"
+    assert RobotFlags(config=file).find().router == "tcp/10.0.0.2:7447"
     monkeypatch.setenv("HEEL_ZENOH__CONNECT", DEFAULT)
-    assert find(None, None, None, None).router == DEFAULT
+    assert RobotFlags().find().router == DEFAULT
 
 
 def test_of_several_none_is_guessed(demo: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "runs", lambda: [demo, other()])
     with pytest.raises(SettingsError, match=r"2 are possible.*--run \d+ .*--run 1 .*walk\.mp4"):
-        find(None, None, None, None)
-    assert find(None, 1, None, None).router == "tcp/127.0.0.1:40002"
-    assert find(None, demo.pid, None, None).router == demo.endpoint
+        RobotFlags().find()
+    assert RobotFlags(run=1).find().router == "tcp/127.0.0.1:40002"
+    assert RobotFlags(run=demo.pid).find().router == demo.endpoint
     with pytest.raises(SettingsError, match="no run of that process"):
-        find(None, 77, None, None)
+        RobotFlags(run=77).find()
 
 
 def test_a_run_beside_a_router_of_this_machine_is_not_guessed_either(
@@ -73,18 +73,18 @@ def test_a_run_beside_a_router_of_this_machine_is_not_guessed_either(
 ) -> None:
     monkeypatch.setattr(robot, "_listens", lambda _endpoint: True)
     with pytest.raises(SettingsError, match=f"--connect {DEFAULT}"):
-        find(None, None, None, None)
-    assert find(DEFAULT, None, None, None).run is None
+        RobotFlags().find()
+    assert RobotFlags(connect=DEFAULT).find().run is None
 
 
 def test_a_run_that_cannot_be_reached_from_here_is_not_meant(
     demo: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(robot, "_listens", lambda endpoint: endpoint == DEFAULT)
-    assert find(None, None, None, None).router == DEFAULT
+    assert RobotFlags().find().router == DEFAULT
     monkeypatch.setattr(registry, "runs", lambda: [demo, other()])
     monkeypatch.setattr(robot, "_listens", lambda endpoint: endpoint == demo.endpoint)
-    assert find(None, None, None, None).run == demo
+    assert RobotFlags().find().run == demo
 
 
 def test_whether_somebody_listens_is_asked_of_the_port(monkeypatch: pytest.MonkeyPatch) -> None:
