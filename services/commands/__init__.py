@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from heel.services.commands.bus.topics import bw, echo, hz, topics
 from heel.services.commands.calibrate import calibrate
 from heel.services.commands.demo import demo
 from heel.services.commands.eval import score
@@ -14,6 +15,7 @@ from heel.services.commands.scenarios import scenarios
 from heel.services.commands.schema import schema
 from heel.services.commands.status import status
 from heel.services.commands.stopping import resume, stop
+from heel.services.commands.top import top
 from heel.services.commands.track_detections import track_detections
 from heel.services.commands.why import why
 
@@ -32,4 +34,9 @@ def register_tools(app: typer.Typer) -> None:
     app.command()(stop)
     app.command()(resume)
     app.command()(status)
+    app.command()(top)
+    app.command()(topics)
+    app.command()(hz)
+    app.command()(bw)
+    app.command()(echo)
     app.command()(schema)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Concatenate, ParamSpec, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Concatenate, ParamSpec, cast, get_type_hints
 
 import typer
 
@@ -123,7 +123,7 @@ class RobotFlags:
 def for_robot(command: Callable[Concatenate[RobotFlags, P], None]) -> Callable[..., None]:
     """A command with the flags of `RobotFlags` in place of its first parameter."""
     hints = get_type_hints(RobotFlags, include_extras=True)
-    first, *own = inspect.signature(command).parameters.values()
+    _, *own = inspect.signature(command).parameters.values()
     own_hints = get_type_hints(command, include_extras=True)
     # Behind the command's own: `--help` begins with what the command is about.
     parameters = [
@@ -138,8 +138,8 @@ def for_robot(command: Callable[Concatenate[RobotFlags, P], None]) -> Callable[.
 
     def with_flags(**values: Any) -> None:
         flags = RobotFlags(**{one.name: values.pop(one.name) for one in fields(RobotFlags)})
-        values[first.name] = flags
-        command(**values)
+        # Checked by typer against the signature below, which mypy does not see.
+        cast(Any, command)(flags, **values)
 
     with_flags.__doc__ = command.__doc__
     with_flags.__name__ = command.__name__

@@ -106,12 +106,17 @@ def runs() -> list[Run]:
     found: list[Run] = []
     for note in notes:
         run = _read(note)
-        if run is None or _started(run.pid) != run.started:
+        if run is None or is_over(run):
             with suppress(OSError):
                 note.unlink(missing_ok=True)
         elif len(found) < _MAX_RUNS:
             found.append(run)
     return found
+
+
+def is_over(run: Run) -> bool:
+    """Whether its process has ended; another one may have its number by now."""
+    return _started(run.pid) != run.started
 
 
 def _read(note: Path) -> Run | None:

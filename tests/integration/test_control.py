@@ -1,4 +1,5 @@
-"""`heel follow`, `stop`, `resume` and `status` against services that are running."""
+"""`heel follow`, `stop`, `resume`, `status`, and the tools that look at the bus, against services
+that are running."""
 
 from __future__ import annotations
 
@@ -10,12 +11,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
-from heel.schemas import Health, encode, keys
+from heel.schemas import Health, HeelError, SettingsError, Tracks, encode, keys
+from heel.services.cli import app
 from heel.services.runtime.registry import Run, runs
 from tests.support.network import client, wait_until
 from tests.support.processes import running
@@ -25,9 +29,16 @@ HEEL = [sys.executable, "-m", "heel"]
 
 def heel(endpoint: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [*HEEL, *arguments, "--connect", endpoint], capture_output=True, text=True, timeout=30,
+        [*HEEL, *arguments, "--connect", endpoint], capture_output=True, text=True, timeout=60,
         check=False, stdin=subprocess.DEVNULL,
     )  # fmt: skip
+
+
+def at_once(endpoint: str, *lines: str) -> dict[str, subprocess.CompletedProcess[str]]:
+    """Several commands beside one another: most of the time of each is its start and its wait."""
+    with ThreadPoolExecutor(len(lines)) as pool:
+        asked = {line: pool.submit(heel, endpoint, *line.split()) for line in lines}
+    return {line: one.result() for line, one in asked.items()}
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +135,7 @@ def test_what_services_say_of_themselves_is_text_and_nothing_else(endpoint: str)
             publisher.put(encode(health), encoding=Health.encoding())
             session.put("svc/a\x1b[31m\nheel: on fire/y/health", b"junk", encoding="x")
             time.sleep(0.1)
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=60)
     assert r"liar/main: [/foo] [bold red]x\x1b[2J\nfollower: following (all well)" in out
     assert "\x1b" not in out + err
     assert not any(line.startswith(("follower: following", "heel: on fire"))
@@ -161,9 +172,106 @@ def test_stop_is_confirmed_and_holds_until_resume(endpoint: str) -> None:
     assert "emergency stop" not in heel(endpoint, "status").stdout
 
 
-@pytest.mark.parametrize("verb", [["status"], ["stop"], ["follow", "none"]])
-def test_without_a_router_it_says_so_in_one_line(verb: list[str]) -> None:
-    done = heel("tcp/127.0.0.1:1", *verb)
-    assert done.returncode == 1
-    assert "tcp/127.0.0.1:1" in done.stderr
-    assert "Traceback" not in done.stderr
+def test_without_a_router_it_says_so_in_one_line() -> None:
+    for line, done in at_once("tcp/127.0.0.1:1", "status", "stop", "follow none", "top").items():
+        assert done.returncode == 1, line
+        assert "tcp/127.0.0.1:1" in done.stderr, line
+        assert len(done.stderr.splitlines()) == 1, line
+
+
+def tool(endpoint: str, line: str) -> str:
+    """What a tool prints; within this process, as most of its time elsewhere is its start."""
+    done = CliRunner().invoke(app, [*line.split(), "--connect", endpoint])
+    if done.exception is not None:
+        raise done.exception
+    return done.stdout
+
+
+def test_topics_are_listed_with_rate_and_sender(endpoint: str) -> None:
+    table = tool(endpoint, "topics --for 1")
+    assert re.search(r"^cam/front/tracks +tracks +\d", table, re.MULTILINE)
+    assert re.search(r"^cam/front/info +info +kept", table, re.MULTILINE)
+    listed = json.loads(tool(endpoint, "topics --for 1 --json"))["topics"]
+    topics = {one["key"]: one for one in listed}
+    assert topics["cam/front/image"]["bytes_mean"] == 320 * 240 * 3
+    assert topics["cam/front/tracks"]["producers"][0].startswith("tracker/main@")
+    assert topics["follow/state"]["latched"]
+
+
+def test_how_often_and_how_much_comes_is_told(endpoint: str) -> None:
+    assert re.search(r"^cam/front/tracks  \d.*/s, every ", tool(endpoint, "hz tracks --count 9"))
+    [figures] = tool(endpoint, "hz tracks --count 3 --json").splitlines()
+    assert json.loads(figures)["count"] == 3
+    assert "in all  " in tool(endpoint, "bw --for 1.1")
+
+
+def test_messages_are_told_decoded(endpoint: str) -> None:
+    assert tool(endpoint, "echo tracks --count 2").count("cam/front/tracks tracker/main ") == 2
+    image = json.loads(tool(endpoint, "echo image --count 1 --json"))
+    assert image["message"]["bytes"] == 320 * 240 * 3
+    assert tool(endpoint, "echo state --count 1").startswith("follow/state  seq=")
+    assert "/config  " in tool(endpoint, "echo svc/*/*/config --count 1")
+
+
+def test_services_are_told_in_a_table(endpoint: str) -> None:
+    assert re.search(
+        r"^tracker/main +(ok|degraded) ", tool(endpoint, "top --count 1"), re.MULTILINE
+    )
+    told = json.loads(tool(endpoint, "top --count 1 --json"))
+    assert all(one["cpu_percent"] is not None for one in told["services"])
+
+
+def test_bytes_that_are_no_message_are_told_of_and_end_nothing(endpoint: str) -> None:
+    with client(endpoint) as session:
+        publisher = session.declare_publisher("cam/other/tracks")
+        process = subprocess.Popen(
+            [*HEEL, "echo", "cam/other/*", "--count", "3", "--connect", endpoint], text=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+        while process.poll() is None:
+            publisher.put(b"\xc1\x1b[2J", encoding=Tracks.encoding())
+            publisher.put(b"\x1b[2J\nheel: on fire", encoding="text/x\x1b[2J")
+            time.sleep(0.05)
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert "cam/other/tracks  undecodable: tracks: not msgpack" in out
+    assert len(out.splitlines()) == 3
+    assert all(line.isprintable() for line in out.splitlines())
+
+
+def test_a_topic_that_nobody_sends_and_what_is_no_topic_are_errors(endpoint: str) -> None:
+    with pytest.raises(HeelError, match="nothing came on nobody/sends: `heel topics`"):
+        tool(endpoint, "hz nobody/sends --for 0.3")
+    with pytest.raises(SettingsError, match="is no topic: name one of image, taken"):
+        tool(endpoint, "echo a//b")
+
+
+def test_what_goes_on_ends_at_ctrl_c(endpoint: str) -> None:
+    lines = ("top", "status --watch", "echo command")
+    with ExitStack() as stack:
+        started = [
+            stack.enter_context(running("-m", "heel", *line.split(), "--connect", endpoint))
+            for line in lines
+        ]
+        for process in started:
+            wait_until(lambda process=process: process.stdout() != "", "a line", 60.0)
+            code, _ = process.stop(signal.SIGINT, 20.0)
+            assert (code, process.stderr()) == (0, "")
+
+
+def test_who_watches_a_run_that_dies_is_told_and_ends(tmp_path: Path) -> None:
+    """A note, a process and a router stand in for the run, which a signal ends all at once."""
+    program = (
+        "import logging, time\n"
+        "from heel.services.runtime.registry import registered\n"
+        "from heel.services.runtime.router import open_private_router\n"
+        "with open_private_router() as (_, endpoint):\n"
+        "    with registered('demo', 'x', endpoint, ('tracker',), logging.getLogger()):\n"
+        "        time.sleep(60)\n"
+    )
+    with running("-c", program, HEEL_RUNTIME_DIR=str(tmp_path)) as fake:
+        with running("-m", "heel", "top", HEEL_RUNTIME_DIR=str(tmp_path)) as top:
+            wait_until(lambda: "tracker: gone" in top.stdout(), "a table", 60.0)
+            fake.process.kill()
+            assert top.wait(20.0) == 1
+            assert f"heel demo (process {fake.process.pid}) has ended" in top.stderr()

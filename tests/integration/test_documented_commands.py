@@ -65,6 +65,7 @@ SLOW = {
 
 _README = "tests/integration/test_readme.py::"
 _SERVICES = _README + "test_one_service_each_and_the_commands_for_what_is_running"
+_TOOLS = "tests/integration/test_control.py::"
 _REMOTE = "tests/integration/test_swap.py::test_tracks_go_on_when_a_service_moves_to_another_host"
 _DOCKER = "tests/docker/test_docs.py::test_the_commands_do_what_the_page_says"
 _STOPPING = "tests/integration/test_time_to_stop.py::test_the_robot_stands_in_time"
@@ -92,6 +93,11 @@ ELSEWHERE = {
     "heel follow nearest": _SERVICES,
     "heel stop": _SERVICES,
     "heel resume": _SERVICES,
+    "heel top": _TOOLS + "test_what_goes_on_ends_at_ctrl_c",
+    "heel topics": _TOOLS + "test_topics_are_listed_with_rate_and_sender",
+    "heel hz tracks": _TOOLS + "test_how_often_and_how_much_comes_is_told",
+    "heel bw": _TOOLS + "test_how_often_and_how_much_comes_is_told",
+    "heel echo state": _TOOLS + "test_messages_are_told_decoded",
     "heel router": _SERVICES,
     "heel capture scene:demo --loop": _SERVICES,
     "heel detector": _SERVICES,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from heel.schemas import FollowState, Target
-from heel.services.commands.status import facts
+from heel.services.commands.observed import facts
 
 STATE = FollowState(
     seq=1, state="idle", reason="no target", estop=False, target=Target(seq=0, mode="none"),

@@ -58,6 +58,12 @@ def test_the_topic_table_is_that_of_the_code() -> None:
     assert documented == {key: _row(topic) for key, topic in _TOPICS.items()}
 
 
+def test_every_topic_has_a_short_name() -> None:
+    short = {key.rpartition("/")[2]: re.sub(r"<\w+>", "*", key) for key in _TOPICS}
+    short["progress"] = short.pop("<consumer>")
+    assert short == keys.TOPICS
+
+
 def _row(topic: TopicQos) -> list[str]:
     return [
         _word(topic.priority), _word(topic.congestion), "yes" if topic.express else "no",

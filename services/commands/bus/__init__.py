@@ -1,0 +1,1 @@
+"""Tools that look at what passes on the bus: `heel topics`, `hz`, `bw`, `echo`."""

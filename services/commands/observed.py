@@ -1,0 +1,98 @@
+"""What services say of themselves, collected while a command listens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from heel.schemas import EndOfStream, FollowState, Health, MessageError, Tracks, decode, keys
+from heel.services.commands.robot import Where
+from heel.services.runtime.chain import MISSING, ChainWatch, Problem, page_of
+from heel.services.runtime.logs import printable
+
+if TYPE_CHECKING:
+    from heel.services.runtime.inbox import Arrival
+
+TOPICS = {"health": keys.ALL_HEALTH, "tracks": keys.ALL_TRACKS, "state": keys.FOLLOW_STATE}
+"""What is listened to, beside liveliness tokens."""
+_MOST_UNREADABLE = 5
+"""Unreadable messages that are told of; chosen by hand."""
+
+
+@dataclass
+class Observed:
+    """The services, the newest tracks and the follower's newest state."""
+
+    watch: ChainWatch = field(default_factory=ChainWatch)
+    tracks: Tracks | None = None
+    state: FollowState | None = None
+    unreadable: list[str] = field(default_factory=list)
+
+    def take(self, arrival: Arrival) -> None:
+        """A message came; one that cannot be read is noted."""
+        try:
+            self._take(arrival)
+        except MessageError as error:
+            self.note_unreadable(arrival.key, error)
+
+    def note_unreadable(self, key: str, error: Exception) -> None:
+        """Remember the first few of what cannot be read."""
+        if len(self.unreadable) < _MOST_UNREADABLE:
+            self.unreadable.append(printable(f"{key}: {error}", 300))
+
+    def _take(self, arrival: Arrival) -> None:
+        import zenoh
+
+        now_s = arrival.arrived_s
+        if arrival.topic == "alive":
+            _, service, instance = arrival.key.split("/")
+            there = arrival.sample.kind == zenoh.SampleKind.PUT
+            self.watch.token(service, instance, there, now_s)
+        elif arrival.topic == "health":
+            self.watch.hear(decode(Health, arrival.payload, arrival.encoding), now_s)
+        elif arrival.topic == "state":
+            self.state = decode(FollowState, arrival.payload, arrival.encoding)
+        elif arrival.encoding != EndOfStream.encoding():
+            self.tracks = decode(Tracks, arrival.payload, arrival.encoding)
+
+    def problems(self, where: Where, now_s: float) -> list[Problem]:
+        """Problems of the services that are present, and the services that are missing."""
+        found = self.watch.problems(now_s)
+        expected = set(where.run.parts if where.run is not None else ())
+        for part, state in self.watch.rows(now_s):
+            if state == "ok" and part.health.details.get(MISSING):
+                expected |= set(part.health.details[MISSING].split(","))
+        return found + self.watch.missing(expected, now_s)
+
+    @property
+    def page(self) -> str | None:
+        """Where the live page is, if one is served."""
+        urls = [page_of(part.health) for part in self.watch.parts.values()]
+        return next((url for url in urls if url), None)
+
+    @property
+    def people(self) -> list[dict[str, Any]]:
+        """People that can be chosen: the shown tracks."""
+        tracks = () if self.tracks is None else self.tracks.tracks
+        return [
+            {"id": track.id, "state": track.state,
+             "confidence": round(track.identity_confidence, 2)}
+            for track in tracks if track.shown
+        ]  # fmt: skip
+
+
+def facts(state: FollowState) -> str:
+    """The follower's estimates of its target and of the free way, as one line."""
+    known = []
+    if state.distance_m is not None:
+        known.append(f"{state.distance_m:.1f} m away")
+    if state.identity_confidence is not None:
+        next_best = state.runner_up_confidence
+        beside = f" (next best {next_best:.0%})" if next_best is not None else ""
+        known.append(f"{state.identity_confidence:.0%} sure{beside}")
+    bounded = f" ({printable(state.speed_reason)})" if state.speed_reason else ""
+    known.append(f"{state.linear_mps:.2f} m/s{bounded}")
+    free = "" if state.free_distance_m is None else f", {state.free_distance_m:.1f} m free"
+    watched = f"obstacles are watched{free}"
+    known.append(watched if state.obstacle_watch else "nothing looks out for obstacles")
+    return ", ".join(known)
