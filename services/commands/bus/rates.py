@@ -19,9 +19,10 @@ _MOST_IN_WINDOW = 4096
 _MOST_KEYS = 256
 """Keys that are told apart, and senders of one: bounds the memory. Chosen by hand."""
 _SILENT_INTERVALS = 4.0
+"""A key is called silent after so many of its usual intervals; chosen by hand."""
 _SILENT_S = 1.5
-"""A key is called silent after so many of its usual intervals, and so many seconds; chosen by hand,
-above the second between two messages of health of the slowest sender."""
+"""And after so many seconds; chosen by hand, above the second between two messages of health of the
+slowest sender."""
 
 
 @dataclass(slots=True)
