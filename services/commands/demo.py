@@ -170,10 +170,10 @@ def _check_world(scenario: str, seed: int) -> float:
         SettingsError: there is no such scenario.
         HeelError: what draws the pictures is not installed.
     """
-    from heel.services.simulator import scenarios
+    from heel.services.simulator import everyday_scenarios, scenarios
 
-    if scenario not in scenarios.SCENARIOS:
-        known = ", ".join(scenarios.SCENARIOS)
+    if scenario not in (drawn := scenarios.SCENARIOS | everyday_scenarios.EVERYDAY):
+        known = ", ".join(drawn)
         raise SettingsError(f"no scenario {scenario!r}: choose one of {known}")
     if find_spec("panda3d") is None:
         # Says so, in the words of the simulator.

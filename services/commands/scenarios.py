@@ -55,6 +55,14 @@ _Postures = Annotated[
         "upright adults",
     ),
 ]
+_Everyday = Annotated[
+    bool,
+    typer.Option(
+        "--everyday",
+        help="people who are out of view at first, leave through a door, meet their twin out of "
+        "sight, hug, sit down, carry a box, are pushed in a wheelchair, or are children, instead",
+    ),
+]
 _Ranges = Annotated[
     bool, typer.Option("--ranges/--no-ranges", help="whether the robot has range sensors")
 ]
@@ -86,14 +94,16 @@ def scenarios(
     model_class: ModelClass = None, model_head: ModelHead = None, processes: _Processes = False,
     as_json: _Json = False,
     out: _Out = None, video: _Video = False, config: Config = None, postures: _Postures = False,
-    ranges: _Ranges = True, calibrated: _Calibrated = True,
+    everyday: _Everyday = False, ranges: _Ranges = True, calibrated: _Calibrated = True,
 ) -> None:  # fmt: skip
     """Follow people through simulated scenarios, and score it."""
     from heel.services.loops.scenarios.parallel import spread
+    from heel.services.simulator.everyday_scenarios import EVERYDAY
     from heel.services.simulator.posture_scenarios import POSTURES
     from heel.services.simulator.scenarios import SCENARIOS
 
-    names = scenario or list(POSTURES if postures else SCENARIOS)
+    groups = [*[EVERYDAY] * everyday, *[POSTURES] * postures] or [SCENARIOS]
+    names = scenario or list(dict.fromkeys(name for group in groups for name in group))
     if processes and not (ranges and calibrated):
         raise SettingsError("--processes has ranges and a calibration: leave out --no-ranges and "
                             "--uncalibrated")  # fmt: skip
@@ -116,12 +126,10 @@ def scenarios(
 
 
 def _check(names: list[str], boxes: bool, processes: bool, video: bool, out: Path | None) -> None:
-    from heel.services.simulator.posture_scenarios import POSTURES
-    from heel.services.simulator.scenarios import SCENARIOS
+    from heel.services.simulator.scenarios import EVERY
 
-    known = SCENARIOS | POSTURES
-    if unknown := [name for name in names if name not in known]:
-        raise SettingsError(f"no scenario {unknown[0]!r}: choose of {', '.join(known)}")
+    if unknown := [name for name in names if name not in EVERY]:
+        raise SettingsError(f"no scenario {unknown[0]!r}: choose of {', '.join(EVERY)}")
     if video and out is None:
         raise SettingsError("--video writes its films into a folder: give --out DIR, too")
     if processes and (video or not boxes):

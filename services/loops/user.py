@@ -50,11 +50,16 @@ class Chooser(Protocol):
 
 
 class User:
-    """Clicks on the target until the page shows that person as chosen, and then never again."""
+    """Clicks on the target until the page shows that person as chosen, and then never again.
+
+    Where the first picture shows nobody to click on, the robot is asked to follow the nearest
+    person that it finds.
+    """
 
     def __init__(self) -> None:
         """Nobody is chosen yet."""
         self._due_s = _FIRST_CLICK_S
+        self._looked = False
 
     def act(self, view: View, choose: Choose) -> None:
         """As `Chooser.act`; a world without a target is only looked at."""
@@ -65,10 +70,16 @@ class User:
         if shown.track_id is not None and view.people.get(shown.track_id) == target:
             self._due_s = math.inf
         person = people[target]
-        looking = shown.mode == "point" and shown.track_id is None
-        if view.now_s < self._due_s or looking or person.box_xyxy is None:
+        looking = shown.mode in ("point", "nearest") and shown.track_id is None
+        if view.now_s < self._due_s or looking:
             return
-        if person.visible < _LEAST_VISIBLE:
+        first, self._looked = not self._looked, True
+        if first and not any(one.visible > 0 for one in people):
+            # A refusal is shown on the page, and one asks again by a click.
+            with suppress(HeelError):
+                choose(TargetRequest(mode="nearest"))
+            return
+        if person.box_xyxy is None or person.visible < _LEAST_VISIBLE:
             return
         self._due_s = view.now_s + _AGAIN_S
         left, top, right, bottom = person.box_xyxy

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.services.simulator.state import Colour, Floor, PersonState, RobotState, Scenery
+from heel.services.simulator.state import CARDBOARD, Colour, Floor, PersonState, RobotState, Scenery
 from heel.services.simulator.views import COLUMNS, ROWS, Sight
 
 Array = NDArray[np.float64]
@@ -26,10 +26,12 @@ _Y = (np.arange(PATCH_HEIGHT) + 0.5) / PATCH_HEIGHT
 
 # Rows of a body from head to foot, in shares of its height, and what shows there.
 _PARTS_END = np.array([0.06, 0.15, 0.50, 0.94])
-_HAIR, _FACE, _TOP, _LEGS, _SHOES, _WALL, _FLOOR, _OTHER_TOP, _OTHER_LEGS = range(9)
+_HAIR, _FACE, _TOP, _LEGS, _SHOES, _WALL, _FLOOR, _OTHER_TOP, _OTHER_LEGS, _CARRIED = range(10)
 """Columns of the table of colours: parts of a body, then what else a pixel can show."""
 _HALF_WIDTH = np.array([0.07, 0.07, 0.13, 0.11, 0.12])
 """Of each part, in shares of a body's height."""
+_CARRIED_ROWS = (0.27, 0.5)
+"""Rows of a body that a box before the chest covers, in shares of its height; chosen by hand."""
 _HORIZON = 0.7
 """Share of a box above which the background is wall or sky rather than floor."""
 _INDOORS: Colour = (196, 190, 180)
@@ -111,6 +113,8 @@ class Patches:
         view = np.array([math.atan2(p.y_m - robot.y_m, p.x_m - robot.x_m) for p in rows])
         part, body = _body(true, stride, x, y)
         background = np.where(y > _HORIZON, _FLOOR, _WALL)
+        laden = np.array([person.carries for person in rows])[:, None]
+        part = np.where(laden & (y > _CARRIED_ROWS[0]) & (y < _CARRIED_ROWS[1]), _CARRIED, part)
         show = np.where(body, part[:, :, None], background[:, :, None])
         index = np.arange(len(found))[:, None, None]
         row = _cell(y, ROWS)
@@ -132,11 +136,12 @@ class Patches:
         return self._develop(pixels, light)
 
     def _palette(self, heading_rad: Array, view_rad: Array, sight: Sight, found: Index) -> Array:
-        """What the parts of the pictures of people look like, (K, 9, 3) RGB."""
+        """What the parts of the pictures of people look like, (K, 10, 3) RGB."""
         clothes = self._clothes[found]
         # From behind there is hair where the face would be.
         front = np.clip(0.5 - np.cos(heading_rad - view_rad), 0.0, 1.0)[:, None]
         face = (1.0 - front) * clothes[:, _HAIR] + front * clothes[:, _FACE]
+        carried = (1.0 - front) * clothes[:, _TOP] + front * np.array(CARDBOARD)
         other = sight.hidden_by[found].max((1, 2))
         background = np.broadcast_to(self._background, (len(found), 2, 3))
         return np.concatenate(
@@ -147,6 +152,7 @@ class Patches:
                 background,
                 self._upper[other][:, None],
                 self._lower[other][:, None],
+                carried[:, None],
             ],
             axis=1,
         )

@@ -165,6 +165,7 @@ class Crowd:
         reach = self.radius_m[:, None] + radius
         strength = np.maximum(1.0 - distance / reach, 0.0) * (1.0 - until_s / _HORIZON_S)
         strength[np.arange(count), np.arange(count)] = 0.0
+        strength[[walker.close for walker in self._walkers], :count] = 0.0
         facing = np.stack([np.cos(self.heading_rad), np.sin(self.heading_rad)], -1)
         seen = (offset * facing[:, None]).sum(-1) > -0.2 * np.sqrt((offset * offset).sum(-1))
         push = np.where(seen, strength, 0.0) / np.maximum(distance, 1e-6)

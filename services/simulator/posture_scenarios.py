@@ -38,7 +38,7 @@ def _posture(posture: Posture) -> Callable[[Stage, str], Scenario]:
     return make
 
 
-def _child(stage: Stage, name: str) -> Scenario:
+def child(stage: Stage, name: str) -> Scenario:
     """0.9 to 1.3 m tall; walks, stands, runs a little."""
     speed = stage.uniform(0.6, 1.3)
     legs = _ways(stage, speed, 3)
@@ -84,7 +84,7 @@ POSTURES: dict[str, Callable[[Stage, str], Scenario]] = {
     "posture-chair": _posture("seated"),
     "posture-ground": _posture("on the ground"),
     "posture-fall": _posture("lying"),
-    "child": _child,
+    "child": child,
     "wheelchair": _wheelchair,
     "table": _table,
 }

@@ -9,11 +9,13 @@ from collections.abc import Callable
 import numpy as np
 
 from heel.services.simulator.errors import SimulatorError
+from heel.services.simulator.everyday_scenarios import EVERYDAY
 from heel.services.simulator.posture_scenarios import POSTURES
 from heel.services.simulator.script import Scenario
 from heel.services.simulator.stage import WALL_HEIGHT_M, WALL_M, Place, Stage
 from heel.services.simulator.state import Role
 from heel.services.simulator.walks import Crossing, Leg, Walk
+from heel.services.simulator.ways import gentle, send, sign, start, wander
 from heel.services.simulator.world import World
 
 
@@ -23,42 +25,42 @@ def scenario(name: str, seed: int) -> World:
     Raises:
         SimulatorError: no such name.
     """
-    if name not in (known := SCENARIOS | POSTURES):
-        raise SimulatorError(f"no scenario {name!r}: choose one of {', '.join(known)}")
+    if name not in EVERY:
+        raise SimulatorError(f"no scenario {name!r}: choose one of {', '.join(EVERY)}")
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
-    script = known[name](Stage(rng), name)
+    script = EVERY[name](Stage(rng), name)
     return World(script, seed)
 
 
 def _straight(stage: Stage, name: str) -> Scenario:
     speed = stage.uniform(0.7, 1.25)
     length = speed * stage.uniform(26, 40)
-    _send(stage, speed, [(length / 2, stage.uniform(-0.5, 0.5)), (length, 0.0)])
+    send(stage, speed, [(length / 2, stage.uniform(-0.5, 0.5)), (length, 0.0)])
     _bystanders(stage, int(stage.rng.integers(0, 3)))
     return stage.finish(name, *stage.surround())
 
 
 def _turns(stage: Stage, name: str) -> Scenario:
     speed = stage.uniform(0.7, 1.2)
-    points = _wander(stage, speed * stage.uniform(28, 45), (3.0, 6.0), (0.7, 1.75), 2.0)
-    _send(stage, speed, points)
+    points = wander(stage, speed * stage.uniform(28, 45), (3.0, 6.0), (0.7, 1.75), 2.0)
+    send(stage, speed, points)
     return stage.finish(name, *stage.surround())
 
 
 def _stop_and_go(stage: Stage, name: str) -> Scenario:
     speed = stage.uniform(0.8, 1.25)
-    points = _gentle(stage, speed * stage.uniform(20, 28))
+    points = gentle(stage, speed * stage.uniform(20, 28))
     stops = int(stage.rng.integers(3, 6))
     where = stage.rng.choice(len(points) - 1, min(stops, len(points) - 1), replace=False)
-    _send(stage, speed, points, {int(index): stage.uniform(2.0, 6.0) for index in where})
+    send(stage, speed, points, {int(index): stage.uniform(2.0, 6.0) for index in where})
     _bystanders(stage, int(stage.rng.integers(0, 3)))
     return stage.finish(name, *stage.surround())
 
 
 def _stands_still(stage: Stage, name: str) -> Scenario:
     speed = stage.uniform(0.8, 1.2)
-    points = _gentle(stage, speed * stage.uniform(14, 26))
-    _send(stage, speed, points, {int(stage.rng.integers(len(points) - 1)): 20.0})
+    points = gentle(stage, speed * stage.uniform(14, 26))
+    send(stage, speed, points, {int(stage.rng.integers(len(points) - 1)): 20.0})
     _bystanders(stage, int(stage.rng.integers(0, 3)))
     return stage.finish(name, *stage.surround())
 
@@ -81,9 +83,9 @@ def _pillar(stage: Stage, name: str) -> Scenario:
         Leg(end_m + 0.5, behind - 0.2),
         Leg(end_m + 0.8, -0.1),
         Leg(*out),
-        *(Leg(*point) for point in _gentle(stage, speed * stage.uniform(14, 22), out)),
+        *(Leg(*point) for point in gentle(stage, speed * stage.uniform(14, 22), out)),
     )
-    _start(stage, speed, legs)
+    start(stage, speed, legs)
     middle = end_m - length / 2, -beside_m - depth / 2
     stage.put("pillar", middle, (length, depth, WALL_HEIGHT_M))
     return stage.finish(name, *stage.surround())
@@ -104,9 +106,9 @@ def _doorway(stage: Stage, name: str) -> Scenario:
         Leg(door_m + 0.5, wall_m + 0.4),
         Leg(*out),
         # On along the wall or away from it, never through.
-        *(Leg(x, abs(y)) for x, y in _gentle(stage, speed * stage.uniform(8, 16), out)),
+        *(Leg(x, abs(y)) for x, y in gentle(stage, speed * stage.uniform(8, 16), out)),
     )
-    _start(stage, speed, legs)
+    start(stage, speed, legs)
     x0, _, x1, y1 = stage.extent(stage.uniform(2.0, 3.0))
     bounds = x0, wall_m - room_m, x1, y1
     stage.walls_around(bounds)
@@ -119,8 +121,8 @@ def _doorway(stage: Stage, name: str) -> Scenario:
 def _distractors(count: int) -> Callable[[Stage, str], Scenario]:
     def make(stage: Stage, name: str) -> Scenario:
         speed = stage.uniform(0.7, 1.1)
-        way = _gentle(stage, speed * stage.uniform(30, 42))
-        _send(stage, speed, way)
+        way = gentle(stage, speed * stage.uniform(30, 42))
+        send(stage, speed, way)
         _crossers(stage, way, ["other"] * count)
         return stage.finish(name, *stage.surround())
 
@@ -130,13 +132,13 @@ def _distractors(count: int) -> Callable[[Stage, str], Scenario]:
 def _twin(stage: Stage, name: str) -> Scenario:
     """A twin crosses between or comes the other way, close by; perhaps another person crosses."""
     speed = stage.uniform(0.7, 1.1)
-    way = _gentle(stage, speed * stage.uniform(30, 42))
-    _send(stage, speed, way)
+    way = gentle(stage, speed * stage.uniform(30, 42))
+    send(stage, speed, way)
     if stage.rng.random() < 0.6:
         others: list[Role] = ["other"] * int(stage.rng.integers(0, 2))
         _crossers(stage, way, ["twin", *others])
     else:
-        side, pace = stage.uniform(1.3, 1.8) * _sign(stage), stage.uniform(0.8, 1.2)
+        side, pace = stage.uniform(1.3, 1.8) * sign(stage), stage.uniform(0.8, 1.2)
         back = [(x_m, y_m + side) for x_m, y_m in reversed([(0.0, 0.0), *way])]
         legs = tuple(Leg(*point) for point in [*back[1:], (-6.0, side)])
         stage.add("twin", *back[0], math.pi, Walk(pace, legs, start_s=stage.uniform(0, 6)))
@@ -145,7 +147,7 @@ def _twin(stage: Stage, name: str) -> Scenario:
 
 def _light_switch(stage: Stage, name: str) -> Scenario:
     speed = stage.uniform(0.7, 1.2)
-    _send(stage, speed, _gentle(stage, speed * stage.uniform(28, 40)))
+    send(stage, speed, gentle(stage, speed * stage.uniform(28, 40)))
     _bystanders(stage, int(stage.rng.integers(1, 4)))
     dark = stage.rng.random() < 0.75
     level = stage.uniform(0.3, 0.6) if dark else stage.uniform(1.5, 2.0)
@@ -158,9 +160,9 @@ def _crowd(stage: Stage, name: str) -> Scenario:
     """Along a corridor with people in both directions."""
     speed = stage.uniform(0.7, 1.1)
     length, half = speed * stage.uniform(30, 42), stage.uniform(2.4, 3.0)
-    _send(stage, speed, [(length / 2, stage.uniform(-0.4, 0.4)), (length, 0.0)])
+    send(stage, speed, [(length / 2, stage.uniform(-0.4, 0.4)), (length, 0.0)])
     for index in range(int(stage.rng.integers(6, 10))):
-        lane, row = stage.uniform(0.8, half - 0.5) * _sign(stage), index // 3
+        lane, row = stage.uniform(0.8, half - 0.5) * sign(stage), index // 3
         # One behind the other, so that none begins on another's feet.
         if index % 3 == 0:
             start = 3.0 + 2.5 * row + stage.uniform(0.0, 1.5)
@@ -181,7 +183,7 @@ def _crowd(stage: Stage, name: str) -> Scenario:
 
 def _drop_out(stage: Stage, name: str) -> Scenario:
     speed = stage.uniform(0.7, 1.1)
-    _send(stage, speed, _gentle(stage, speed * stage.uniform(28, 40)))
+    send(stage, speed, gentle(stage, speed * stage.uniform(28, 40)))
     _bystanders(stage, int(stage.rng.integers(0, 3)))
     starts = np.cumsum(stage.rng.uniform(7, 11, int(stage.rng.integers(2, 4)))).tolist()
     stage.dropouts = tuple((from_s, from_s + stage.uniform(0.5, 2.5)) for from_s in starts)
@@ -205,50 +207,7 @@ SCENARIOS: dict[str, Callable[[Stage, str], Scenario]] = {
     "drop-out": _drop_out,
 }
 """By name, in the order of the tables; the number of a `distractor` is of people that cross."""
-
-
-def _sign(stage: Stage) -> float:
-    return 1.0 if stage.rng.random() < 0.5 else -1.0
-
-
-def _send(
-    stage: Stage, speed_mps: float, points: list[Place], pauses_s: dict[int, float] | None = None
-) -> None:
-    """The target, on a way with pauses at points by their index."""
-    pauses = pauses_s or {}
-    legs = (Leg(*point, pause_s=pauses.get(index, 0.0)) for index, point in enumerate(points))
-    _start(stage, speed_mps, tuple(legs))
-
-
-def _start(stage: Stage, speed_mps: float, legs: tuple[Leg, ...]) -> None:
-    """The target stands until the robot has had time to look."""
-    walk = Walk(speed_mps, legs, start_s=stage.uniform(2.0, 3.5))
-    stage.add("target", 0.0, 0.0, stage.uniform(-0.3, 0.3), walk)
-
-
-def _gentle(stage: Stage, length_m: float, start: Place = (0.0, 0.0)) -> list[Place]:
-    return _wander(stage, length_m, (4.0, 7.0), (0.0, 0.6), 0.7, start)
-
-
-def _wander(
-    stage: Stage,
-    length_m: float,
-    leg_m: tuple[float, float],
-    turn_rad: tuple[float, float],
-    most_rad: float,
-    start: Place = (0.0, 0.0),
-) -> list[Place]:
-    """Points one after the other, turning by so much at each but never far off the x axis."""
-    (x_m, y_m), heading = start, 0.0
-    points = []
-    while length_m > 0:
-        step = min(stage.uniform(*leg_m), max(length_m, leg_m[0]))
-        x_m, y_m = x_m + step * math.cos(heading), y_m + step * math.sin(heading)
-        points.append((x_m, y_m))
-        length_m -= step
-        turn = stage.uniform(*turn_rad) * _sign(stage)
-        heading += turn if abs(heading + turn) <= most_rad else -turn
-    return points
+EVERY = SCENARIOS | EVERYDAY | POSTURES
 
 
 def _bystanders(stage: Stage, count: int) -> None:
@@ -256,7 +215,7 @@ def _bystanders(stage: Stage, count: int) -> None:
     far = max(leg.x_m for leg in stage.actors[0].walk.legs if isinstance(leg, Leg))
     rows = [leg.y_m for leg in stage.actors[0].walk.legs if isinstance(leg, Leg)]
     for _ in range(count):
-        side = _sign(stage)
+        side = sign(stage)
         edge = max(side * row for row in [0.0, *rows])
         x_m, y_m = stage.uniform(5.0, far), side * (edge + stage.uniform(2.5, 4.0))
         legs: tuple[Leg, ...] = ()
@@ -275,7 +234,7 @@ def _crossers(stage: Stage, way: list[Place], roles: list[Role]) -> None:
     for role, leg in zip(roles, (1 + share * (len(steps) - 2)).tolist(), strict=True):
         place = points[int(leg)] + stage.uniform(0.35, 0.65) * steps[int(leg)]
         along = steps[int(leg)] / np.hypot(*steps[int(leg)])
-        across = _sign(stage) * np.array([-along[1], along[0]])
+        across = sign(stage) * np.array([-along[1], along[0]])
         x_m, y_m = place.tolist()
         start_x, start_y = (place + stage.uniform(2.5, 4.0) * across).tolist()
         end_x, end_y = (place - stage.uniform(4.0, 5.0) * across).tolist()

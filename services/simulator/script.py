@@ -10,7 +10,11 @@ from heel.services.simulator.walks import Walk
 
 @dataclass(frozen=True, slots=True)
 class Actor:
-    """One person at the start, and where they mean to go."""
+    """One person at the start, and where they mean to go.
+
+    Attributes:
+        carries: whether the person has a box before the chest.
+    """
 
     role: Role
     x_m: float
@@ -21,6 +25,7 @@ class Actor:
     stride_rad: float
     outfit: Outfit
     walk: Walk
+    carries: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from heel.services.simulator.state import (
     Role,
     Scenery,
 )
-from heel.services.simulator.walks import Crossing, Leg, Walk
+from heel.services.simulator.walks import AnyLeg, Leg, Pushing, Walk
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]
@@ -74,12 +74,12 @@ class Stage:
 
     def add(
         self, role: Role, x_m: float, y_m: float, heading_rad: float, walk: Walk,
-        height_m: float | None = None, radius_m: float | None = None,
+        height_m: float | None = None, radius_m: float | None = None, carries: bool = False,
     ) -> Actor:  # fmt: skip
         """Put a person in place; the target comes first, twins of it wear what it wears.
 
         Args:
-            role, x_m, y_m, heading_rad, walk: as in `Actor`.
+            role, x_m, y_m, heading_rad, walk, carries: as in `Actor`.
             height_m, radius_m: of a person that is no adult on foot; None leaves them to chance.
         """
         outfit = self._outfits[len(self.actors)]
@@ -98,6 +98,7 @@ class Stage:
             stride_rad=self.uniform(0.0, 2 * math.pi),
             outfit=outfit,
             walk=walk,
+            carries=carries,
         )
         self.actors.append(actor)
         return actor
@@ -254,6 +255,8 @@ class _Turn:
         heading = self.heading(thing.heading_rad)
         return replace(thing, x_m=x_m, y_m=y_m, heading_rad=heading, walk=walk)
 
-    def _leg(self, leg: Leg | Crossing) -> Leg | Crossing:
+    def _leg(self, leg: AnyLeg) -> AnyLeg:
+        if isinstance(leg, Pushing):
+            return leg
         x_m, y_m = self.place(leg.x_m, leg.y_m)
         return replace(leg, x_m=x_m, y_m=y_m)

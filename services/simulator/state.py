@@ -21,6 +21,12 @@ the colours of clothes; a stand with a coat and a hat; a pane that mirrors peopl
 Floor = Literal["tiles", "wood", "asphalt", "grass"]
 
 
+CARDBOARD: Colour = (178, 134, 86)
+"""Of boxes that people carry; chosen by hand."""
+CARRIED_M = 0.4
+"""Side of such a box, a cube; chosen by hand: what one carries in both arms."""
+
+
 @dataclass(frozen=True, slots=True)
 class Outfit:
     """What a person wears."""
@@ -41,6 +47,7 @@ class PersonState:
         height_m: stature.
         radius_m: of the body as a disc, for contacts and ranges.
         tall, wide: upper end above the ground and width of the body now, as shares of the stature.
+        carries: whether the person has a box before the chest.
     """
 
     id: int
@@ -55,6 +62,7 @@ class PersonState:
     outfit: Outfit
     tall: float = UPRIGHT.tall
     wide: float = UPRIGHT.wide
+    carries: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,8 @@ _STROLL_MPS = 0.2
 """Slower than this a walker stands; chosen by hand."""
 _GET_GOING_S = 0.3
 """What starting from a stand costs."""
+_CATCH_UP_S = 0.5
+"""Time in which a person that pushes makes up for what is lacking; chosen by hand."""
 _BESIDE_M = 1.0
 """A point that lies behind a walker counts as passed within this; chosen by hand."""
 
@@ -36,6 +38,7 @@ class Leg:
             since the leg began, at most 20 s: what a pillar or a door hides depends on where the
             robot waits.
         posture: taken while staying there.
+        close: whether the person keeps no air to others, as those who hug.
     """
 
     x_m: float
@@ -43,6 +46,18 @@ class Leg:
     pause_s: float = 0.0
     hidden_s: float = 0.0
     posture: Posture = "upright"
+    close: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Pushing:
+    """Stay right behind the target wherever it goes, as a person that pushes its wheelchair.
+
+    Attributes:
+        behind_m: from middle to middle.
+    """
+
+    behind_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +75,9 @@ class Crossing:
     behind_m: float
 
 
+AnyLeg = Leg | Crossing | Pushing
+
+
 @dataclass(frozen=True, slots=True)
 class Walk:
     """One person's way.
@@ -73,7 +91,7 @@ class Walk:
     """
 
     speed_mps: float
-    legs: tuple[Leg | Crossing, ...] = ()
+    legs: tuple[AnyLeg, ...] = ()
     start_s: float = 0.0
     posture: Posture = "upright"
     at_first: Posture | None = None
@@ -108,6 +126,12 @@ class Walker:
         self._set_off = False
 
     @property
+    def close(self) -> bool:
+        """Whether the person keeps no air to others now."""
+        leg = None if self.finished else self._walk.legs[self._index]
+        return isinstance(leg, Pushing) or (isinstance(leg, Leg) and leg.close)
+
+    @property
     def finished(self) -> bool:
         """Whether the end of the last leg is reached."""
         return self._index == len(self._walk.legs)
@@ -119,6 +143,8 @@ class Walker:
         self.posture = self._walk.posture
         while not self.finished:
             leg = self._walk.legs[self._index]
+            if isinstance(leg, Pushing):
+                return _push_along(x_m, y_m, leg, self._walk.speed_mps, situation)
             self._arrived = self._arrived or self._has_reached(leg, x_m, y_m)
             if isinstance(leg, Leg) and leg.hidden_s > 0 and situation.is_hidden(x_m, y_m):
                 self._hidden_s += situation.dt_s
@@ -181,6 +207,20 @@ class Walker:
             return ease_mps if self._set_off else 0.0
         pace = distance_m / left_s if left_s > 0.0 else math.inf
         return min(max(pace, 0.75 * ease_mps), 1.25 * ease_mps)
+
+
+def _push_along(
+    x_m: float, y_m: float, leg: Pushing, speed_mps: float, situation: Situation
+) -> tuple[float, float]:
+    """To the place behind the target, as fast as it goes; stands where the target does."""
+    (target_x, target_y), (velocity_x, velocity_y) = situation.target, situation.target_velocity
+    speed = math.hypot(velocity_x, velocity_y)
+    if speed < _STROLL_MPS:
+        return 0.0, 0.0
+    wish_x = velocity_x + (target_x - leg.behind_m * velocity_x / speed - x_m) / _CATCH_UP_S
+    wish_y = velocity_y + (target_y - leg.behind_m * velocity_y / speed - y_m) / _CATCH_UP_S
+    share = min(1.0, speed_mps / max(math.hypot(wish_x, wish_y), 1e-6))
+    return share * wish_x, share * wish_y
 
 
 def _towards(x_m: float, y_m: float, goal: Leg | Crossing, speed_mps: float) -> tuple[float, float]:

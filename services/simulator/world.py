@@ -263,6 +263,7 @@ class World:
                 outfit=actor.outfit,
                 tall=tall,
                 wide=wide,
+                carries=actor.carries,
             )
             for number, (
                 actor,

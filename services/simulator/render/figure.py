@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from heel.services.simulator.postures import SHAPES, UPRIGHT
 from heel.services.simulator.render import clothes
 from heel.services.simulator.render.materials import texture
-from heel.services.simulator.render.meshes import ellipsoid, loft, node, patch
+from heel.services.simulator.render.meshes import cube, ellipsoid, loft, node, patch
 from heel.services.simulator.render.panda import core
 from heel.services.simulator.render.stage import SHADOW_SORT
-from heel.services.simulator.state import Colour, PersonState
+from heel.services.simulator.state import CARDBOARD, CARRIED_M, Colour, PersonState
 
 _HIP = 0.53
 """Height of the joint, shares of the body's height as all of these; from the drawn canon of eight
@@ -27,6 +28,13 @@ _UPPER_ARM = 0.165
 """Length; from the same canon."""
 _FOREARM = 0.15
 """Length; from the same canon."""
+_CARRYING_RAD = 0.5, 1.0
+"""Of shoulder and elbow, forward; chosen by hand: the hands hold the sides of a box."""
+_SEATED, _WHEELCHAIR = SHAPES["seated"], SHAPES["in a wheelchair"]
+_LOWEST_SEAT = 0.7
+"""Share of the stature; who is lower neither stands nor sits on a chair."""
+_CHAIR: Colour = (44, 46, 52)
+"""Frame and tyres; chosen by hand."""
 _NORMAL_RADIUS_M = 0.25
 """Of a body as wide as it is drawn; others are drawn wider or narrower by the ratio."""
 _FULL_STRIDE_MPS = 1.2
@@ -58,32 +66,57 @@ class Figure:
         self._top = texture("top", clothes.top(outfit, weave))
         self._sleeve = texture("sleeve", clothes.cloth(outfit.top))
         self._legs_cloth = texture("legs", clothes.cloth(outfit.legs))
+        self._ground = self.root.attach_new_node("ground")
         self._cast_shadow()
         self._dress_torso()
         self._set_head(outfit.hair, texture("head", clothes.head(outfit)))
         self._legs = tuple(self._leg(side) for side in (1, -1))
         self._arms = tuple(self._arm(side) for side in (1, -1))
+        self._carries = person.carries
+        if self._carries:
+            self._take_box()
+        self._chair = self._ground.attach_new_node("chair")
+        if person.wide == _WHEELCHAIR.wide:
+            self._set_wheelchair()
+        else:
+            stool = cube((0.36, 0.36, 0.24 * self._h)).moved(-0.02, 0.0, 0.12 * self._h)
+            self._part(self._chair, stool, colour=_CHAIR)
 
     def pose(self, person: PersonState) -> None:
         """Put the body where the person is, in the step of their stride."""
         self.root.set_pos(person.x_m, person.y_m, 0.0)
         self.root.set_h(math.degrees(person.heading_rad))
         effort = min(1.0, person.speed_mps / _FULL_STRIDE_MPS)
+        sits = min(max((UPRIGHT.tall - person.tall) / (UPRIGHT.tall - _SEATED.tall), 0.0), 1.0)
+        # Postures below a chair are not drawn: those people stand.
+        sits *= person.tall > _LOWEST_SEAT
+        effort *= sits == 0.0
         bends = []
         for phase in (person.stride_rad, person.stride_rad + math.pi):
             thigh = effort * (_THIGH_SWING_RAD * math.sin(phase) + 0.06)
             # The knee bends while its leg comes forward.
             knee = effort * (_KNEE_BEND_RAD * max(0.0, math.cos(phase + 0.35)) ** 2 + 0.05)
-            bends.append((thigh, knee))
+            bends.append((thigh + sits * math.pi / 2, knee + sits * math.pi / 2))
         # The longer reach touches the ground, whatever the step: no figure sinks or floats.
         reach = max(_reach(thigh, knee) for thigh, knee in bends)
+        lower_m = sits * (_HIP - reach) * self._h
+        self.root.set_z(-lower_m)
+        self._ground.set_z(lower_m)
+        if sits:
+            self._chair.show()
+        else:
+            self._chair.hide()
         for (hip, knee_joint, ankle), (thigh, knee) in zip(self._legs, bends, strict=True):
-            hip.get_parent().set_sz(_HIP / reach)
+            hip.get_parent().set_sz(1.0 if sits else _HIP / reach)
             hip.set_r(-math.degrees(thigh))
             knee_joint.set_r(math.degrees(knee))
             ankle.set_r(-math.degrees(0.75 * (knee - thigh)))
         for (shoulder, elbow), (thigh, _) in zip(self._arms, reversed(bends), strict=True):
-            swing = thigh / _THIGH_SWING_RAD * _ARM_SWING_RAD
+            if self._carries:
+                shoulder.set_r(-math.degrees(_CARRYING_RAD[0]))
+                elbow.set_r(-math.degrees(_CARRYING_RAD[1]))
+                continue
+            swing = (thigh - sits * math.pi / 2) / _THIGH_SWING_RAD * _ARM_SWING_RAD
             shoulder.set_r(-math.degrees(swing))
             elbow.set_r(-math.degrees(0.15 + effort * 0.25 + max(0.0, swing) * 0.6))
 
@@ -96,6 +129,19 @@ class Figure:
         shape.reparent_to(parent)
         return shape
 
+    def _take_box(self) -> None:
+        """Before the chest, as high as the forearms hold it."""
+        side = CARRIED_M
+        middle = 0.1 * self._h + side / 2, 0.0, 0.6 * self._h + side / 4
+        self._part(self.root, cube((side, side, side)).moved(*middle), colour=CARDBOARD)
+
+    def _set_wheelchair(self) -> None:
+        for side in (-1, 1):
+            wheel = ellipsoid((0.3, 0.025, 0.3), rings=8, sides=14)
+            self._part(self._chair, wheel.moved(-0.05, 0.29 * side, 0.3), colour=_CHAIR)
+        self._part(self._chair, cube((0.05, 0.46, 0.45)).moved(-0.22, 0.0, 0.7), colour=_CHAIR)
+        self._part(self._chair, cube((0.45, 0.46, 0.05)).moved(0.02, 0.0, 0.42), colour=_CHAIR)
+
     def _cast_shadow(self) -> None:
         across = 1.9 * self._girth * _NORMAL_RADIUS_M
         shape = node("shadow", patch((-across, -across, 0.0), (2 * across, 0, 0),
@@ -107,7 +153,7 @@ class Figure:
         shape.set_depth_test(False)
         shape.set_depth_write(False)
         shape.set_light_off()
-        shape.reparent_to(self.root)
+        shape.reparent_to(self._ground)
 
     def _dress_torso(self) -> None:
         h, g = self._h, self._girth

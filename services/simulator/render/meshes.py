@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from heel.services.simulator.render.panda import core
 from heel.services.simulator.state import Colour
@@ -51,7 +51,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def patch(
-    origin: Sequence[float], along: Sequence[float], up: Sequence[float],
+    origin: ArrayLike, along: ArrayLike, up: ArrayLike,
     uv_size: tuple[float, float], cells: tuple[int, int],
 ) -> Mesh:  # fmt: skip
     """A flat parallelogram in cells: texture bends visibly across large triangles (measured).
@@ -108,6 +108,17 @@ def loft(sections: Sequence[Section], sides: int = 10, flat_ends: bool = False) 
     if not flat_ends:
         return body
     return joined([body, _cap(vertices[0], -1.0), _cap(vertices[-1], 1.0)])
+
+
+def cube(size_m: Sequence[float]) -> Mesh:
+    """A box around the origin, so long, wide and high."""
+    corner = np.asarray(size_m, float) / 2
+    x, y, z = np.diag(2 * corner)
+    sides = []
+    for along, up in ((x, z), (z, y), (y, x)):
+        sides.append(patch(-corner, along, up, (1, 1), (2, 2)))
+        sides.append(patch(corner, -up, -along, (1, 1), (2, 2)))
+    return joined(sides)
 
 
 def _grid(rows: int, columns: int) -> NDArray[np.int32]:
