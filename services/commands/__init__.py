@@ -7,6 +7,7 @@ import typer
 from heel.services.commands.bus.topics import bw, echo, hz, topics
 from heel.services.commands.calibrate import calibrate
 from heel.services.commands.demo import demo
+from heel.services.commands.doctor.command import doctor
 from heel.services.commands.eval import score
 from heel.services.commands.follow import follow
 from heel.services.commands.models import app as models
@@ -34,6 +35,7 @@ def register_tools(app: typer.Typer) -> None:
     app.command()(stop)
     app.command()(resume)
     app.command()(status)
+    app.command()(doctor)
     app.command()(top)
     app.command()(topics)
     app.command()(hz)

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import metadata
 from pathlib import Path
 
 import zenoh
@@ -21,6 +22,7 @@ from heel.services.runtime.logs import set_up_logging
 from heel.services.runtime.process import (
     die_with_parent,
     may_lock_memory,
+    software_version,
     use_all_file_descriptors,
 )
 from heel.services.runtime.qos import ROUTER_QUEUES, ROUTER_RULES, ROUTER_WAIT_BEFORE_CLOSE_US
@@ -52,6 +54,8 @@ _SMALL_QUERIES = {
     "size_limit": 1 << 16,
 }  # fmt: skip
 """Zenoh keeps up to 256 queries for the one that answers them; ours have less than 4 kB."""
+VERSION_KEY = "svc/router/main/version"
+"""Heel's routers answer here which software they are, for `heel doctor`."""
 _SWEEP_PERIOD_S = 1.0
 """Seconds between two looks for memory that dead processes left; chosen by hand."""
 
@@ -216,8 +220,22 @@ def open_router(settings: RouterSettings) -> Iterator[zenoh.Session]:
             f"router: cannot listen on {', '.join(settings.listen)}: the address is in use or not "
             f"this machine's; choose another with --listen ({one_line(error)})"
         ) from None
-    with session:
+    with session, _telling_version(session):
         yield session
+
+
+@contextmanager
+def _telling_version(session: zenoh.Session) -> Iterator[None]:
+    told = json.dumps({"heel": software_version(), "zenoh": metadata.version("eclipse-zenoh")})
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            query.reply(query.key_expr, told, encoding=zenoh.Encoding.APPLICATION_JSON)
+
+    # For every robot's name before the key.
+    queryable = session.declare_queryable(f"**/{VERSION_KEY}", answer)
+    yield
+    queryable.undeclare()  # type: ignore[no-untyped-call]
 
 
 @contextmanager
@@ -237,7 +255,7 @@ def open_private_router(
             if attempt == _PORT_ATTEMPTS - 1:
                 raise HeelError("router: no free loopback port in five attempts") from None
             continue
-        with session:
+        with session, _telling_version(session):
             yield session, endpoint
         return
 

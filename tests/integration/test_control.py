@@ -213,6 +213,16 @@ def test_messages_are_told_decoded(endpoint: str) -> None:
     assert "/config  " in tool(endpoint, "echo svc/*/*/config --count 1")
 
 
+def test_the_doctor_finds_a_run_in_order(endpoint: str) -> None:
+    # Whether this machine has room, time and memory enough is not this test's.
+    done = CliRunner().invoke(app, ["doctor", "--json", "--connect", endpoint])
+    found = {one["about"]: one for one in json.loads(done.stdout)["findings"]}
+    for about in ("router", "services", "versions", "camera"):
+        assert found[about]["level"] == "ok", found[about]
+    assert "capture/main sends " in found["camera"]["words"]
+    assert "heel calibrate" in found["calibration"]["remedy"]
+
+
 def test_services_are_told_in_a_table(endpoint: str) -> None:
     assert re.search(
         r"^tracker/main +(ok|degraded) ", tool(endpoint, "top --count 1"), re.MULTILINE

@@ -94,6 +94,7 @@ ELSEWHERE = {
     "heel follow nearest": _SERVICES,
     "heel stop": _SERVICES,
     "heel resume": _SERVICES,
+    "heel doctor": _TOOLS + "test_the_doctor_finds_a_run_in_order",
     "heel top": _TOOLS + "test_what_goes_on_ends_at_ctrl_c",
     "heel topics": _TOOLS + "test_topics_are_listed_with_rate_and_sender",
     "heel hz tracks": _TOOLS + "test_how_often_and_how_much_comes_is_told",
