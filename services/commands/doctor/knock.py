@@ -19,8 +19,10 @@ to the host, or none within the time; a name that is not known."""
 
 _HELLO_S = 2.0
 """Longest wait for this machine's own Zenoh to greet [s]; it takes 20 ms. Chosen by hand."""
-_INIT, _CLOSE = 0x01, 0x03
-"""Ids of the messages that a node answers a greeting with, of Zenoh's transport protocol."""
+# Of Zenoh's transport protocol: the messages that a node answers a greeting with, and the bits of a
+# message's first byte that name it.
+_INIT = 0x01
+_CLOSE = 0x03
 _ID_BITS = 0x1F
 _MOST_BYTES = 4096
 """Of a greeting or its answer; they have less than 200."""
