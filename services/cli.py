@@ -13,14 +13,15 @@ from heel.services.runtime import one_blas_thread  # noqa: F401
 
 # isort: split
 from heel.services.capture.settings import CaptureSettings
-from heel.services.commands import register_tools
+from heel.services.commands import SERVICES, register_tools
+from heel.services.commands.grouped import GroupedCommands
 from heel.services.detector.settings import DetectorServiceSettings
 from heel.services.drive.settings import DriveServiceSettings
 from heel.services.follower.settings import FollowerServiceSettings
 from heel.services.runtime.command_line import later, run_process, settings_command
 from heel.services.runtime.process import software_version
 from heel.services.runtime.router import RouterSettings
-from heel.services.runtime.settings import know_tables
+from heel.services.runtime.settings import RobotSettings, know_tables
 from heel.services.simulator.settings import SimulatorSettings
 from heel.services.tracker.settings import TrackerServiceSettings
 from heel.services.web.settings import WebServiceSettings
@@ -37,9 +38,9 @@ _SERVICES = (
 
 app = typer.Typer(
     name="heel",
+    cls=GroupedCommands,
     help="Person following for robots: one camera, CPU only, Python processes over Zenoh.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -62,12 +63,15 @@ def _heel(
     pass
 
 
-know_tables({name: model for name, model, _ in _SERVICES} | {"router": RouterSettings})
+know_tables(
+    {name: model for name, model, _ in _SERVICES}
+    | {"router": RouterSettings, "robot": RobotSettings}
+)
 register_tools(app)
 for _name, _model, _summary in _SERVICES:
     _run = later(f"heel.services.{_name}.service")
-    app.command(_name)(settings_command(_name, _model, _run, _summary))
-app.command("router")(
+    app.command(_name, rich_help_panel=SERVICES)(settings_command(_name, _model, _run, _summary))
+app.command("router", rich_help_panel=SERVICES)(
     settings_command(
         "router",
         RouterSettings,

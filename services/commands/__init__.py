@@ -20,25 +20,28 @@ from heel.services.commands.top import top
 from heel.services.commands.track_detections import track_detections
 from heel.services.commands.why import why
 
+_TRY, _ROBOT, _LOOK, _MEASURE = (
+    "Run a camera, a recording or a world",
+    "The robot",
+    "Look into it",
+    "Measure, calibrate, integrate",
+)
+SERVICES = "One service each"
+"""Title of the services in `heel --help`."""
+
 
 def register_tools(app: typer.Typer) -> None:
     """Add every tool to the root command."""
-    app.command()(demo)
-    app.command()(run)
-    app.command("eval")(score)
-    app.command("track-detections")(track_detections)
-    app.command()(why)
-    app.add_typer(models, name="models")
-    app.command()(scenarios)
-    app.command()(calibrate)
-    app.command()(follow)
-    app.command()(stop)
-    app.command()(resume)
-    app.command()(status)
-    app.command()(doctor)
-    app.command()(top)
-    app.command()(topics)
-    app.command()(hz)
-    app.command()(bw)
-    app.command()(echo)
-    app.command()(schema)
+    app.command(rich_help_panel=_TRY)(demo)
+    app.command(rich_help_panel=_TRY)(run)
+    app.add_typer(models, name="models", rich_help_panel=_TRY)
+    for command in (status, follow, stop, resume):
+        app.command(rich_help_panel=_ROBOT)(command)
+    for command in (doctor, top, topics, hz, bw, echo):
+        app.command(rich_help_panel=_LOOK)(command)
+    app.command(rich_help_panel=_LOOK)(why)
+    app.command("eval", rich_help_panel=_MEASURE)(score)
+    app.command("track-detections", rich_help_panel=_MEASURE)(track_detections)
+    app.command(rich_help_panel=_MEASURE)(scenarios)
+    app.command(rich_help_panel=_MEASURE)(calibrate)
+    app.command(rich_help_panel=_MEASURE)(schema)

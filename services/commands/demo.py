@@ -25,6 +25,8 @@ from heel.services.commands.shared_options import (
     ModelClass,
     ModelHead,
     Profile,
+    Robot,
+    robot_name,
     take_profile,
 )
 from heel.services.run.folder import DEMO_PREFIX, ScratchFolder, sweep
@@ -59,6 +61,7 @@ def demo(
     model_class: ModelClass = None,
     profile: Profile = None,
     model_head: ModelHead = None,
+    robot: Robot = "",
     scene: Annotated[
         bool, typer.Option("--scene", help="play the drawn scene of a standing camera instead")
     ] = False,
@@ -78,7 +81,7 @@ def demo(
             source="scene:demo" if scene else "", out=folder, delivery="live", loop=loop,
             seconds=seconds, web_port=port, on_page=on_page, detector=detector, model=model,
             model_class=model_class, model_head=model_head,
-            target="nearest" if scene else "none",
+            target="nearest" if scene else "none", robot=robot_name(robot),
         )  # fmt: skip
         if scene:
             code = guarded(lambda: play_scene(options, kept=out is not None))
@@ -123,7 +126,7 @@ def _play_world(
     world = WorldOptions(
         options.out / "logs", scenario, seed, perception,
         episode_s=None if options.loop else duration_s, seconds=options.seconds,
-        page=PageOptions(options.web_port or 0, options.on_page),
+        page=PageOptions(options.web_port or 0, options.on_page, options.robot),
         truth=options.out / "truth.jsonl" if kept else None,
         detector_flags=tuple(options.detector_flags()),
     )  # fmt: skip

@@ -58,7 +58,7 @@ class Observed:
     def problems(self, where: Where, now_s: float) -> list[Problem]:
         """Problems of the services that are present, and the services that are missing."""
         found = self.watch.problems(now_s)
-        expected = set(where.run.parts if where.run is not None else ())
+        expected = set(where.expected)
         for part, state in self.watch.rows(now_s):
             if state == "ok" and part.health.details.get(MISSING):
                 expected |= set(part.health.details[MISSING].split(","))
@@ -72,13 +72,38 @@ class Observed:
 
     @property
     def people(self) -> list[dict[str, Any]]:
-        """People that can be chosen: the shown tracks."""
+        """People that can be chosen: the shown tracks; a distance where one is known."""
         tracks = () if self.tracks is None else self.tracks.tracks
+        target = None if self.state is None else self.state.target.track_id
         return [
-            {"id": track.id, "state": track.state,
-             "confidence": round(track.identity_confidence, 2)}
+            {
+                "id": track.id,
+                "state": track.state,
+                "confidence": round(track.identity_confidence, 2),
+                # The tracker's own, where it measures; of its target the follower's estimate.
+                "distance_m": track.distance_m
+                if self.state is None or track.id != target
+                else self.state.distance_m,
+            }
             for track in tracks if track.shown
         ]  # fmt: skip
+
+    @property
+    def versions(self) -> dict[str, str]:
+        """Of the services, by `service/instance`."""
+        return {
+            f"{part.health.service}/{part.health.instance}": part.health.software_version
+            for part in self.watch.parts.values()
+        }
+
+
+def sight(people: list[dict[str, Any]]) -> str:
+    """Who is in sight, as one line."""
+    told = []
+    for one in people:
+        far = "" if one["distance_m"] is None else f"{one['distance_m']:.1f} m, "
+        told.append(f"{one['id']} ({far}{one['confidence']:.0%} sure)")
+    return f"in sight: {', '.join(told) or 'nobody'}"
 
 
 def facts(state: FollowState) -> str:

@@ -37,6 +37,12 @@ _Run = Annotated[
         "--run", help="one of several runs on this machine, by its process", metavar="PID"
     ),
 ]
+_Robot = Annotated[
+    str | None,
+    typer.Option(
+        "--robot", help="one of several runs on this machine, by its name", metavar="NAME"
+    ),
+]
 _Namespace = Annotated[str | None, typer.Option(help="robot's name before every key")]
 _User = Annotated[
     str | None, typer.Option(help="user name, where the router asks for one", metavar="NAME")
@@ -55,6 +61,13 @@ class Where:
     zenoh: ZenohSettings
     run: Run | None
     """The run on this machine, if it is one."""
+    stack: tuple[str, ...] = ()
+    """Services that have to run, as the settings say."""
+
+    @property
+    def expected(self) -> tuple[str, ...]:
+        """Services that have to run: those that the run has started, else those of the settings."""
+        return self.stack if self.run is None else self.run.parts
 
     @property
     def router(self) -> str:
@@ -68,6 +81,7 @@ class RobotFlags:
 
     connect: _Connect = None
     run: _Run = None
+    robot: _Robot = None
     namespace: _Namespace = None
     user: _User = None
     password_file: _PasswordFile = None
@@ -84,31 +98,47 @@ class RobotFlags:
         """
         from heel.services.runtime.registry import runs
 
-        settings = self._settings()
+        settings, stack = self._settings()
         named = settings.model_fields_set & {"connect", "mode", "config_file"}
+        asked = self.run is not None or self.robot is not None
         try:
             found = runs()
         except HeelError:
-            if self.run is not None or not named:
+            if asked or not named:
                 raise
             found = []
-        if self.run is not None:
-            chosen = next((one for one in found if one.pid == self.run), None)
-            if chosen is None:
-                raise SettingsError(f"--run {self.run}: no run of that process; {_listed(found)}")
+        chosen: Run | None
+        if asked:
+            chosen = self._asked(found)
         elif named:
             chosen = next((one for one in found if (one.endpoint,) == settings.connect), None)
         else:
             chosen = _only(found, settings.connect[0])
-        if chosen is None or named:
-            return Where(settings, chosen)
-        update: dict[str, object] = {"connect": (chosen.endpoint,)}
-        if self.namespace is None and chosen.namespace:
-            update["namespace"] = chosen.namespace
-        return Where(settings.model_copy(update=update), chosen)
+        if chosen is not None and not named:
+            settings = settings.model_copy(update={"connect": (chosen.endpoint,)})
+        return Where(settings, chosen, stack)
 
-    def _settings(self) -> ZenohSettings:
-        from heel.services.runtime.settings import StrictSettings, load_settings
+    def _asked(self, found: list[Run]) -> Run:
+        """The run that is named by its process or its robot.
+
+        Raises:
+            SettingsError: it does not run, or several have the name.
+        """
+        fitting = [
+            one for one in found
+            if self.run in (None, one.pid) and self.robot in (None, one.robot)
+        ]  # fmt: skip
+        if len(fitting) == 1:
+            return fitting[0]
+        if not fitting and self.run is not None:
+            raise SettingsError(f"--run {self.run}: no run of that process; {_listed(found)}")
+        if not fitting:
+            raise SettingsError(f"--robot {self.robot}: no run of that name; {_listed(found)}")
+        processes = ", ".join(f"--run {one.pid}" for one in fitting)
+        raise SettingsError(f"--robot {self.robot}: several have that name: {processes}")
+
+    def _settings(self) -> tuple[ZenohSettings, tuple[str, ...]]:
+        from heel.services.runtime.settings import RobotSettings, load_settings
 
         given = {
             "connect": self.connect, "namespace": self.namespace, "user": self.user,
@@ -117,7 +147,8 @@ class RobotFlags:
         flags: dict[str, dict[str, object]] = {
             "zenoh": {"connect_timeout_s": TIMEOUT_S} | {k: v for k, v in given.items() if v}
         }
-        return load_settings("run", StrictSettings, flags, self.config).zenoh
+        loaded = load_settings("robot", RobotSettings, flags, self.config)
+        return loaded.zenoh, loaded.service.stack
 
 
 def for_robot(command: Callable[Concatenate[RobotFlags, P], None]) -> Callable[..., None]:

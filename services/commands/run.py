@@ -17,7 +17,9 @@ from heel.services.commands.shared_options import (
     ModelClass,
     ModelHead,
     Profile,
+    Robot,
     TraceTo,
+    robot_name,
     take_profile,
 )
 from heel.services.run.folder import STAGING_PREFIX, sweep
@@ -64,7 +66,7 @@ def run(
     target: _Target = "nearest",
     scale: _Scale = 1.0, fps: _Fps = None, loop: _Loop = False, frames: _Frames = None,
     seconds: _Seconds = None, web: _Web = None, trace: TraceTo = None, config: Config = None,
-    profile: Profile = None,
+    profile: Profile = None, robot: Robot = "",
 ) -> None:  # fmt: skip
     """Run SOURCE through the real processes; write tracks.txt, commands.csv and summary.json."""
     take_profile(profile)
@@ -80,7 +82,7 @@ def run(
         detector=detector, model=model, model_class=model_class, model_head=model_head,
         annotate=annotate, target=target, scale=scale, fps=fps, loop=loop, frames=frames,
         seconds=seconds, web_port=web, config=config, trace=trace,
-        on_page=_print_page,
+        on_page=_print_page, robot=robot_name(robot),
     )  # fmt: skip
     code = guarded(lambda: _work(options, in_process))
     sweep(out, STAGING_PREFIX)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from heel.schemas.keys import chunk
 from heel.services.networks.names import HeadName
 from heel.services.runtime.settings import PROFILE, profile_tables
 
@@ -48,6 +49,10 @@ Profile = Annotated[
 Config = Annotated[
     Path | None, typer.Option(help="settings file (TOML) for every service", metavar="FILE")
 ]
+Robot = Annotated[
+    str,
+    typer.Option(help="name by which heel status, follow and stop choose this run", metavar="NAME"),
+]
 TraceTo = Annotated[
     Path | None,
     typer.Option(
@@ -65,3 +70,12 @@ def take_profile(name: str | None) -> None:
     if name is not None:
         profile_tables(name)
         os.environ[PROFILE] = name
+
+
+def robot_name(name: str) -> str:
+    """A robot's name as it was given; "" is none.
+
+    Raises:
+        KeyNameError: it has other characters than names have.
+    """
+    return chunk(name, "--robot") if name else ""

@@ -12,11 +12,12 @@ from heel.schemas import FollowState, Health, HeelError, keys
 from heel.services.commands.bus.listening import Listening, listening
 from heel.services.commands.columns import aligned
 from heel.services.commands.follow import shown
-from heel.services.commands.observed import TOPICS, Observed, facts
+from heel.services.commands.observed import TOPICS, Observed, facts, sight
 from heel.services.commands.robot import RobotFlags, Where, ask, for_robot
 from heel.services.commands.screen import Screen
 from heel.services.runtime.chain import CHAIN, Part, PartState, Problem, describe
 from heel.services.runtime.logs import printable
+from heel.services.runtime.process import software_version
 
 _LISTEN_S = 1.3
 """Seconds of listening: five messages of health of most services, and one of those that send it
@@ -120,11 +121,13 @@ def lines(
     heard: Observed, where: Where, rows: list[tuple[Part, PartState]], problems: list[Problem]
 ) -> list[str]:
     """All that was heard, as lines for a user. Services' own texts are shown as they are."""
-    named = f"  (heel {where.run.kind}, process {where.run.pid})" if where.run is not None else ""
-    told = [f"router {where.router}{named}"]
+    told = [f"router {where.router}{_run_of(where)}"]
     if heard.page is not None:
         told.append(f"page {heard.page}")
+    if where.run is not None and where.run.logs is not None:
+        told.append(f"logs {printable(where.run.logs)}")
     told += ["", *_health_table(rows), ""]
+    told += _versions(heard)
     told += [printable(problem.words) for problem in problems]
     told += [
         f"{part.health.service}/{part.health.instance}: {printable(part.health.reason)}"
@@ -136,6 +139,22 @@ def lines(
     return told + follower_lines(heard)
 
 
+def _run_of(where: Where) -> str:
+    if where.run is None:
+        return ""
+    robot = f", robot {where.run.robot}" if where.run.robot else ""
+    return f"  (heel {where.run.kind}, process {where.run.pid}{robot})"
+
+
+def _versions(heard: Observed) -> list[str]:
+    """That there are several versions; nothing where all services have this command's."""
+    others = {name: one for name, one in heard.versions.items() if one != software_version()}
+    if not others:
+        return []
+    told = ", ".join(f"{name} {printable(one, 40)}" for name, one in sorted(others.items()))
+    return [f"versions: {told}; here {software_version()}: install one version everywhere"]
+
+
 def follower_lines(heard: Observed) -> list[str]:
     """What the follower does, and who is in sight."""
     told = []
@@ -144,8 +163,7 @@ def follower_lines(heard: Observed) -> list[str]:
         told.append(f"follower: {state}, target {shown(heard.state.target)}")
         told.append(f"follower: {facts(heard.state)}")
     if heard.tracks is not None:
-        ids = ", ".join(str(person["id"]) for person in heard.people)
-        told.append(f"in sight: {ids or 'nobody'}")
+        told.append(sight(heard.people))
     return told
 
 

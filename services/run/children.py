@@ -95,6 +95,10 @@ class Children:
         self._children.append(child)
         return child
 
+    def pids(self) -> dict[str, int]:
+        """The processes that have been started, by name."""
+        return {child.name: child.process.pid for child in self._children}
+
     def failure(self) -> HeelError | None:
         """Error of the first child that failed; None while none has.
 

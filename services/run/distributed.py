@@ -69,11 +69,14 @@ class DistributedRun:
             inbox = stack.enter_context(Inbox(session))
             warn = OncePerSecond(self._log)
             note = stack.enter_context(
-                registered("run", self._played(), endpoint, self._parts(), self._log)
+                registered(
+                    "run", self._played(), endpoint, self._parts(), self._log, self._options.robot
+                )
             )
             collector = Collector(session, inbox, self._options, outputs, self.summary, warn, note)
             children = stack.enter_context(Children(lambda: outputs.log_folder))
             self._start(session, endpoint, children)
+            note.processes_are(children.pids(), outputs.log_folder)
             progress = stack.enter_context(RunProgress(self._options.progress))
             process.spare_from_collection()
             self._collect(inbox, collector, children, progress)

@@ -36,6 +36,8 @@ class RunOptions:
     web_port: int | None = None
     config: Path | None = None
     trace: Path | None = None
+    robot: str = ""
+    """Name by which commands choose this run."""
     progress: bool = True
     on_page: Callable[[str], None] | None = None
     """Called with the live page's address once it is served."""

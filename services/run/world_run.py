@@ -63,10 +63,12 @@ class PageOptions:
     Attributes:
         port: on loopback, 0 for any free one.
         on_page: called with the page's address once it is served.
+        robot: name by which commands choose this run.
     """
 
     port: int
     on_page: Callable[[str], None] | None = None
+    robot: str = ""
 
 
 @dataclass(frozen=True)
@@ -143,9 +145,14 @@ class WorldRun:
             children = stack.enter_context(Children(o.logs))
             if o.page is not None:
                 self._note = stack.enter_context(
-                    registered("demo", o.scenario, endpoint, ("simulator", *o.services), self._log)
-                )
+                    registered(
+                        "demo", o.scenario, endpoint, ("simulator", *o.services), self._log,
+                        o.page.robot,
+                    )
+                )  # fmt: skip
             self._start(session, endpoint, children)
+            if self._note is not None:
+                self._note.processes_are(children.pids(), o.logs)
             self._look_on(inbox, children, Onlooker(self._recorder, partial(_click, session)))
 
     def _subscribe(self, inbox: Inbox) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
@@ -36,14 +36,17 @@ class Run(BaseModel):
     kind: str = Field(description="the command: demo, run")
     what: str = Field("", description="what it plays, for people")
     endpoint: str = Field(description="of its router")
-    namespace: str = ""
+    robot: str = Field("", description="name that a user gave it")
     parts: tuple[str, ...] = Field((), description="services that it has started")
+    pids: dict[str, int] = Field(default_factory=dict, description="their processes, by name")
     page: str | None = Field(None, description="address of its live page")
+    logs: str | None = Field(None, description="folder of the services' logs")
 
     def shown(self) -> str:
         """One line for a user that has to choose."""
         page = f", page {self.page}" if self.page else ""
-        return f"--run {self.pid} (heel {self.kind} {self.what}".rstrip() + f"{page})"
+        named = f"--robot {self.robot}" if self.robot else f"--run {self.pid}"
+        return f"{named} (heel {self.kind} {self.what}".rstrip() + f"{page})"
 
 
 class Registration:
@@ -54,7 +57,14 @@ class Registration:
 
     def page_is(self, url: str) -> None:
         """The live page is served now."""
-        self._run = self._run.model_copy(update={"page": url})
+        self._tell(page=url)
+
+    def processes_are(self, pids: Mapping[str, int], logs: Path) -> None:
+        """The services have been started."""
+        self._tell(pids=dict(pids), logs=str(logs.absolute()))
+
+    def _tell(self, **news: object) -> None:
+        self._run = self._run.model_copy(update=news)
         with suppress(OSError):
             self._write()
 
@@ -69,7 +79,12 @@ class Registration:
 
 @contextmanager
 def registered(
-    kind: str, what: str, endpoint: str, parts: tuple[str, ...], log: logging.Logger
+    kind: str,
+    what: str,
+    endpoint: str,
+    parts: tuple[str, ...],
+    log: logging.Logger,
+    robot: str = "",
 ) -> Iterator[Registration]:
     """Be found by `heel status`, `follow`, `stop` and `resume` while the block runs.
 
@@ -77,7 +92,7 @@ def registered(
     """
     pid = os.getpid()
     run = Run(pid=pid, started=_started(pid) or "", kind=kind, what=what, endpoint=endpoint,
-              parts=parts)  # fmt: skip
+              parts=parts, robot=robot)  # fmt: skip
     file: Path | None = None
     registration = Registration(run, None)
     try:

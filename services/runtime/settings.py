@@ -46,7 +46,7 @@ from heel.schemas.errors import SettingsError
 from heel.services.runtime.passwords import without_passwords
 
 SERVICES = ("capture", "detector", "tracker", "follower", "drive", "web", "simulator", "router")
-SECTIONS = (*SERVICES, "zenoh", "log")
+SECTIONS = (*SERVICES, "robot", "zenoh", "log")
 ENVIRONMENT_PREFIX = "HEEL_"
 PROFILE = "HEEL_PROFILE"
 """Names the profile of all processes that inherit it."""
@@ -146,6 +146,16 @@ class LogSettings(StrictSettings):
     )
     format: Literal["auto", "text", "json"] = Field(
         "auto", description="text for people, JSON lines for machines; auto asks the terminal"
+    )
+
+
+class RobotSettings(StrictSettings):
+    """What a robot consists of; read by commands that look at it, and by no service."""
+
+    stack: Annotated[tuple[Name, ...], BeforeValidator(split_list)] = Field(
+        (),
+        max_length=16,
+        description="services that have to run, comma separated: heel status names the missing",
     )
 
 
@@ -396,4 +406,6 @@ def _explain(error: ValidationError, service: str, model: type[BaseModel]) -> st
         return f"{where}: unknown key{_nearest(path[1], owners[path[0]].model_fields)}"
     given = without_passwords(repr(first.get("input")))
     value = "" if len(path) < 2 or path[-1] == "password" else f" = {given:.80}"
-    return f"{where}{value}: {first['msg']}; see `heel {service} --help`"
+    # The robot's table is of no command's own.
+    command = "status" if service == "robot" else service
+    return f"{where}{value}: {first['msg']}; see `heel {command} --help`"

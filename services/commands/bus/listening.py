@@ -36,9 +36,16 @@ For = Annotated[
 ]
 Count = Annotated[int | None, typer.Option(help="end after so many messages", min=1, metavar="N")]
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON, one object a line")]
+
+
+def _completed(incomplete: str) -> list[str]:
+    return [name for name in keys.TOPICS if name.startswith(incomplete)]
+
+
 Topic = Annotated[
     str,
     typer.Argument(
+        autocompletion=_completed,
         help="a topic by the last word of its key (tracks), a key (cam/front/tracks), or a pattern "
         "(cam/*/tracks, **)",
         metavar="TOPIC",

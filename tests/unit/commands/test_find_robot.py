@@ -68,6 +68,46 @@ def test_of_several_none_is_guessed(demo: Run, monkeypatch: pytest.MonkeyPatch) 
         RobotFlags(run=77).find()
 
 
+def test_a_run_is_named_by_its_robot(demo: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    red, blue = (other(n).model_copy(update={"robot": name, "endpoint": f"tcp/127.0.0.1:4100{n}"})
+                 for n, name in enumerate(("red", "blue"), start=1))  # fmt: skip
+    monkeypatch.setattr(registry, "runs", lambda: [demo, red, blue])
+    assert RobotFlags(robot="blue").find().run == blue
+    with pytest.raises(SettingsError, match=r"3 are possible.*--robot red \(heel run walk"):
+        RobotFlags().find()
+    with pytest.raises(SettingsError, match=r"no run of that name; .*--robot blue"):
+        RobotFlags(robot="green").find()
+    twin = blue.model_copy(update={"pid": 7})
+    monkeypatch.setattr(registry, "runs", lambda: [blue, twin])
+    with pytest.raises(SettingsError, match=r"several have that name: --run 2, --run 7"):
+        RobotFlags(robot="blue").find()
+    assert RobotFlags(robot="blue", run=7).find().run == twin
+
+
+def test_who_should_be_there_is_said_by_the_run_or_by_the_settings(
+    demo: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_text('[robot]\nstack = ["capture", "drive"]\n')
+    elsewhere = RobotFlags(connect="tcp/10.0.0.1:7447", config=file)
+    assert elsewhere.find().expected == ("capture", "drive")
+    monkeypatch.setenv("HEEL_ROBOT__STACK", "tracker,follower")
+    assert elsewhere.find().expected == ("tracker", "follower")
+    assert RobotFlags().find().expected == demo.parts
+    monkeypatch.setenv("HEEL_ROBOT__STACK", "no such/thing")
+    with pytest.raises(SettingsError, match=r"robot\.stack.*heel status --help"):
+        elsewhere.find()
+
+
+def test_user_and_password_file_are_flags(tmp_path: Path) -> None:
+    password = tmp_path / "password"
+    password.write_text("secret\n")
+    where = RobotFlags(connect=DEFAULT, user="heel", password_file=password).find()
+    assert (where.zenoh.user, where.zenoh.secret()) == ("heel", "secret")
+    with pytest.raises(SettingsError, match="go together"):
+        RobotFlags(connect=DEFAULT, user="heel").find()
+
+
 def test_a_run_beside_a_router_of_this_machine_is_not_guessed_either(
     demo: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:

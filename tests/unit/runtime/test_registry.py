@@ -33,6 +33,9 @@ def test_a_run_is_found_while_it_lives_and_its_page_once_it_is_served(folder: Pa
         [run] = runs()
         assert run.page == "http://127.0.0.1:8470/"
         assert run.shown().startswith(f"--run {run.pid} (heel demo distractor-3, page http://")
+        note.processes_are({"tracker": 7}, Path("logs"))
+        [run] = runs()
+        assert (run.pids, run.logs) == ({"tracker": 7}, str(Path.cwd() / "logs"))
     assert runs() == []
     assert list(folder.iterdir()) == []
 

@@ -1,0 +1,64 @@
+"""What `heel status` knows of who is there, who should be, and who is in sight."""
+
+from __future__ import annotations
+
+from heel.schemas import FollowState, Health, Target, Track, Tracks
+from heel.services.commands.observed import Observed, sight
+from heel.services.commands.robot import Where
+from heel.services.commands.status import lines
+from heel.services.runtime.process import software_version
+from heel.services.runtime.settings import ZenohSettings
+
+NOW_S = 100.0
+
+
+def health(service: str, version: str) -> Health:
+    return Health(
+        service=service, instance="main", producer=f"{service}/main@0123abcd", state="ok",
+        uptime_s=9.0, loop_age_s=0.0, software_version=version,
+    )  # fmt: skip
+
+
+def track(number: int, distance_m: float | None = None) -> Track:
+    return Track(
+        id=number, state="tracked", box_xyxy=(0.0, 0.0, 1.0, 1.0), velocity_pxps=(0.0, 0.0),
+        area_px=1.0, span_px=1.0, identity_confidence=0.9, shown=True, distance_m=distance_m,
+    )  # fmt: skip
+
+
+def told(observed: Observed, where: Where) -> str:
+    problems = observed.problems(where, NOW_S)
+    return "\n".join(lines(observed, where, observed.watch.rows(NOW_S), problems))
+
+
+def test_a_service_of_the_stack_that_is_not_heard_is_missing() -> None:
+    observed = Observed()
+    observed.watch.hear(health("tracker", software_version()), NOW_S)
+    assert observed.problems(Where(ZenohSettings(), None), NOW_S) == []
+    where = Where(ZenohSettings(), None, ("tracker", "drive"))
+    assert [one.words for one in observed.problems(where, NOW_S)] == ["drive: gone"]
+    assert "\ndrive: gone" in told(observed, where)
+
+
+def test_another_version_is_named() -> None:
+    observed, where = Observed(), Where(ZenohSettings(), None)
+    observed.watch.hear(health("tracker", software_version()), NOW_S)
+    assert "versions" not in told(observed, where)
+    observed.watch.hear(health("drive", "0.0.1\x1b"), NOW_S)
+    assert "versions: drive/main 0.0.1\\x1b; here " in told(observed, where)
+
+
+def test_in_sight_are_ids_with_distance_and_confidence() -> None:
+    observed = Observed()
+    assert sight(observed.people) == "in sight: nobody"
+    observed.tracks = Tracks(
+        stream="front", epoch=1, seq=1, index=1, t_capture_ns=1, width=640, height=480,
+        source_width=640, source_height=480, tracks=(track(3), track(4, 5.0), track(9)),
+    )  # fmt: skip
+    observed.state = FollowState(
+        seq=1, state="following", reason="x", estop=False, linear_mps=0.0, angular_radps=0.0,
+        target=Target(seq=1, mode="id", track_id=3), distance_m=2.25,
+    )  # fmt: skip
+    assert sight(observed.people) == (
+        "in sight: 3 (2.2 m, 90% sure), 4 (5.0 m, 90% sure), 9 (90% sure)"
+    )
