@@ -69,7 +69,15 @@ def known(line: str) -> str | None:
 
 
 def _known_verb(words: list[str]) -> str | None:
-    if not words or words[0] in ("--version", "--help", "COMMAND", "SERVICE", "X", "..."):
+    if not words or words[0] in (
+        "--version",
+        "--help",
+        "--install-completion",
+        "COMMAND",
+        "SERVICE",
+        "X",
+        "...",
+    ):
         return None
     if words[0] not in verbs():
         return f"no command {words[0]}"
