@@ -52,6 +52,8 @@ class HealthReporter(threading.Thread):
         self._finishing = threading.Event()
         self._started_s = time.monotonic()
         self._state = "starting"
+        self.newest: Health | None = None
+        """The last message that was sent."""
         self._publisher = session.declare_publisher(
             keys.health(service, instance),
             priority=qos.HEALTH.priority,
@@ -78,6 +80,7 @@ class HealthReporter(threading.Thread):
                 self._log.log(level, "health: %s -> %s %s", self._state, health.state,
                               health.reason)  # fmt: skip
             self._state = health.state
+        self.newest = health
         self._publisher.put(encode(health), encoding=Health.encoding())
         if self._file is not None and (failure := self._file.renew(health.state, health.reason)):
             self._log.warning("%s", failure)

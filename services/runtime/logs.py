@@ -11,8 +11,11 @@ import json
 import logging
 import sys
 import time
+from logging.handlers import RotatingFileHandler
+from pathlib import Path
 from typing import IO
 
+from heel.schemas.errors import SettingsError
 from heel.services.runtime.settings import LogSettings
 
 _STANDARD = frozenset(vars(logging.LogRecord("", 0, "", 0, "", None, None))) | {"message"}
@@ -23,6 +26,10 @@ _LINES_PER_KIND = 5
 """Lines of one kind that are written in one period; chosen by hand."""
 _LINES_IN_ALL = 60
 """Lines of all kinds below an error that are written in one period; chosen by hand."""
+_LOG_BYTES = 10_000_000
+"""Of a log file, after which another is begun: some days of a robot; chosen by hand."""
+_OLD_LOGS = 2
+"""Log files that are kept beside it; chosen by hand."""
 _MAX_KINDS = 256
 """Kinds that are counted apart: bounds the memory. Chosen by hand."""
 
@@ -116,7 +123,11 @@ class FloodGuard(logging.Filter):
 def set_up_logging(
     settings: LogSettings, service: str, stream: IO[str] | None = None
 ) -> logging.Logger:
-    """Send every logger to standard error, or a stream in its place; returns the service's own."""
+    """Send every logger to standard error, or a stream in its place; returns the service's own.
+
+    Raises:
+        SettingsError: the folder of log files cannot be written to.
+    """
     stream = stream or sys.stderr
     handler = logging.StreamHandler(stream)
     handler.addFilter(FloodGuard())
@@ -124,9 +135,39 @@ def set_up_logging(
     handler.setFormatter(TextLines() if as_text else JsonLines())
     root = logging.getLogger()
     root.handlers[:] = [handler]
+    if settings.folder is not None:
+        root.addHandler(_file_of(settings.folder, service))
     root.setLevel(settings.level.upper())
     logging.getLogger("asyncio").setLevel(logging.WARNING)
     return logging.getLogger(f"heel.{service}")
+
+
+class _LogFile(RotatingFileHandler):
+    """A log file that a full disk ends the writing of, and nothing else."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802
+        """Leave the line out: it is on standard error as well."""
+
+
+def _file_of(folder: Path, service: str) -> logging.Handler:
+    """The handler that writes a service's log file.
+
+    Raises:
+        SettingsError: the file cannot be written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handler = _LogFile(
+            folder / f"{service}.log", maxBytes=_LOG_BYTES, backupCount=_OLD_LOGS, encoding="utf-8",
+            errors="backslashreplace",
+        )  # fmt: skip
+    except OSError as error:
+        raise SettingsError(
+            f"log folder {folder}: {error.strerror}: name one that can be written to"
+        ) from None
+    handler.addFilter(FloodGuard())
+    handler.setFormatter(JsonLines())
+    return handler
 
 
 def set_up_command_logging() -> None:

@@ -31,6 +31,7 @@ from heel.services.runtime.health import HealthReporter
 from heel.services.runtime.health_file import HealthFile
 from heel.services.runtime.inbox import Arrival, Inbox
 from heel.services.runtime.logs import OncePerSecond, set_up_logging
+from heel.services.runtime.metrics import serving_metrics
 from heel.services.runtime.places import robot_name
 from heel.services.runtime.presence import Presence
 from heel.services.runtime.publishing import StreamPublisher
@@ -232,6 +233,8 @@ def _serve(
             session, name, settings.instance, producer, statistics, log, file, presence, memory
         )
         stack.callback(health.finish)
+        if settings.metrics_port is not None:
+            stack.enter_context(serving_metrics(settings.metrics_port, lambda: health.newest))
         inbox = stack.enter_context(Inbox(session))
 
         def announce() -> None:

@@ -147,6 +147,11 @@ class LogSettings(StrictSettings):
     format: Literal["auto", "text", "json"] = Field(
         "auto", description="text for people, JSON lines for machines; auto asks the terminal"
     )
+    folder: Path | None = Field(
+        None,
+        description="folder in which each service writes SERVICE.log besides, JSON lines, 30 MB at "
+        "most",
+    )
 
 
 class RobotSettings(StrictSettings):
@@ -172,6 +177,9 @@ class ServiceSettings(StrictSettings):
     )
     health_file: Path | None = Field(
         None, description="file renewed every second with the state, for a container's check"
+    )
+    metrics_port: int | None = Field(
+        None, ge=1, le=65535, description="serve health to Prometheus on this loopback port; off"
     )
 
 

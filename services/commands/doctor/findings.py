@@ -48,6 +48,7 @@ _EXTRAS = {
     "neural": "networks run in half the time with it",
     "sim": "heel demo and heel scenarios --pixels draw with it",
     "eval": "plots of heel eval",
+    "metrics": "Prometheus reads services with it",
 }
 """What each extra is for."""
 

@@ -46,8 +46,11 @@ _LOOKS = 5
 _PORTS = (7447, 8470)
 """Of a router, and of the page."""
 _EXTRAS = {
-    "neural": ("onnx", "onnxruntime"), "sim": ("panda3d",), "eval": ("matplotlib",),
-}  # fmt: skip
+    "neural": ("onnx", "onnxruntime"),
+    "sim": ("panda3d",),
+    "eval": ("matplotlib",),
+    "metrics": ("prometheus_client",),
+}
 _STAMPED = {"command": keys.FOLLOW_COMMAND, "drive": keys.ROBOT_DRIVE}
 _TCP = re.compile(r"tcp/(.+):(\d{1,5})(?:[#?].*)?")
 

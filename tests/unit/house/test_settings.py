@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 150
+MOST = 152
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import logging
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from heel.schemas.errors import SettingsError
+from heel.services.runtime import logs
 from heel.services.runtime.logs import OncePerSecond, printable, set_up_logging
 from heel.services.runtime.settings import LogSettings
 
@@ -28,6 +32,8 @@ def untouched_root() -> Iterator[None]:
     root = logging.getLogger()
     handlers, level = list(root.handlers), root.level
     yield
+    for handler in set(root.handlers) - set(handlers):
+        handler.close()
     root.handlers[:], root.level = handlers, level
 
 
@@ -161,3 +167,54 @@ def test_a_flood_of_ever_new_kinds_is_bounded_and_an_error_is_still_written(
     log.error("why the service ends")
     assert len(stream.getvalue().splitlines()) <= 61
     assert "why the service ends" in stream.getvalue()
+
+
+def test_a_service_writes_a_file_of_its_own_besides(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = LogSettings(format="text", folder=tmp_path / "new" / "logs")
+    log, stream = written(monkeypatch, settings, io.StringIO())
+    log.warning("stale %s\x1b", "tracks")
+    for _ in range(100):
+        log.info("flood")
+    lines = (tmp_path / "new" / "logs" / "tracker.log").read_text().splitlines()
+    assert json.loads(lines[0])["message"] == "stale tracks\x1b"
+    assert len(lines) <= 11, "a flood is held back there, too"
+    assert "stale tracks" in stream.getvalue()
+
+
+def test_a_log_folder_that_cannot_be_written_to_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SettingsError, match=r"log folder .*file: .*name one that can be written"):
+        set_up_logging(LogSettings(folder=tmp_path / "file"), "tracker")
+
+
+def test_a_full_disk_costs_lines_of_the_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, stream = written(monkeypatch, LogSettings(folder=tmp_path), io.StringIO())
+    handler = logging.getLogger().handlers[1]
+    assert isinstance(handler, logging.FileHandler)
+
+    class Full(io.StringIO):
+        """A file on a disk without room."""
+
+        def write(self, _text: str) -> int:
+            """Fail."""
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    handler.stream.close()
+    handler.stream = Full()  # type: ignore[assignment]
+    log.warning("stale tracks")
+    assert stream.getvalue().count("\n") == 1
+    assert "Traceback" not in stream.getvalue()
+
+
+def test_log_files_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(logs, "_LOG_BYTES", 1000)
+    log, _ = written(monkeypatch, LogSettings(folder=tmp_path), io.StringIO())
+    for n in range(300):
+        log.error("kind %d of many, each of them another one" % n)  # noqa: UP031
+    files = {one.name: one.stat().st_size for one in tmp_path.iterdir()}
+    assert set(files) == {"tracker.log", "tracker.log.1", "tracker.log.2"}
+    assert max(files.values()) <= 1000
