@@ -92,7 +92,7 @@ def serving_metrics(port: int, newest: Callable[[], Health | None]) -> Iterator[
         from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
     except ImportError:
         raise SettingsError(
-            "metrics_port needs prometheus-client: pip install 'heel-follow[metrics]'"
+            "metrics_port needs prometheus-client: pip install prometheus-client"
         ) from None
 
     class Collector:

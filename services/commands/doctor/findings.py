@@ -271,7 +271,7 @@ def _machine(machine: MachineFacts) -> Iterator[Finding]:
         if modules:
             yield Finding("note", "extras", f"{extra} is not installed ({', '.join(modules)}): "
                           f"{_EXTRAS.get(extra, '')}",
-                          f"pip install 'heel-follow[{extra}]'")  # fmt: skip
+                          f"pip install {' '.join(modules).replace('_', '-')}")  # fmt: skip
     if not any(machine.missing.values()):
         yield Finding("ok", "extras", f"{', '.join(machine.missing)} are installed")
     taken = [port for port, free in machine.ports.items() if not free]

@@ -35,7 +35,12 @@ from heel.services.runtime.images import ImageCoding, StreamIdentity, pack_image
 from heel.services.runtime.logs import set_up_logging
 from heel.services.runtime.router import RouterSettings, router_config
 from heel.services.runtime.session import zenoh_config
-from heel.services.runtime.settings import LogSettings, ServiceSettings, ZenohSettings
+from heel.services.runtime.settings import (
+    LogSettings,
+    RobotSettings,
+    ServiceSettings,
+    ZenohSettings,
+)
 from heel.services.simulator.scenarios import scenario
 from heel.services.simulator.settings import SimulatorSettings
 from heel.services.simulator.truth_file import open_truth
@@ -104,6 +109,7 @@ SHARED: Table = {
     "delivery": ReadBy("capture/service.py", 'settings.delivery == "lossless"'),
     "exit_at_end": ReadBy("runtime/service.py", "self.settings.exit_at_end"),
     "health_file": ReadBy("runtime/service.py", "HealthFile(settings.health_file)"),
+    "metrics_port": ReadBy("runtime/service.py", "serving_metrics(settings.metrics_port"),
 }
 
 
@@ -319,7 +325,23 @@ ZENOH: Table = {
                              {"user": "robot"}),
     "config_file": Changes("zenoh.json5", of_session),
 }  # fmt: skip
-LOG: Table = {"level": Changes("debug", logged), "format": Changes("text", logged)}
+
+
+def log_files(settings: LogSettings) -> object:
+    """The files that a service logs to."""
+    set_up_logging(settings, "tracker", io.StringIO())
+    found = [one for one in logging.getLogger().handlers if isinstance(one, logging.FileHandler)]
+    for one in found:
+        one.close()
+    return [one.baseFilename for one in found]
+
+
+LOG: Table = {
+    "level": Changes("debug", logged),
+    "format": Changes("text", logged),
+    "folder": Changes(Path("logs"), log_files),
+}
+ROBOT: Table = {"stack": ReadBy("commands/observed.py", "set(where.expected)")}
 
 
 TABLES: dict[str, tuple[type[BaseModel], Table]] = {
@@ -331,6 +353,7 @@ TABLES: dict[str, tuple[type[BaseModel], Table]] = {
     "router": (RouterSettings, ROUTER),
     "zenoh": (ZenohSettings, ZENOH),
     "log": (LogSettings, LOG),
+    "robot": (RobotSettings, ROBOT),
 }
 ROWS = [(table, name) for table, (_, rows) in TABLES.items() for name in rows]
 
