@@ -19,7 +19,7 @@ from heel.evaluation.motchallenge import read_ground_truth
 from heel.evaluation.sequence_scores import SequenceScores, score_sequence
 from heel.services.commands.track_detections import read_given, shown_rows
 from heel.services.tracker.boxes.sequence import track_sequence
-from heel.services.tracker.boxes.tuning import FILE, Tuning
+from heel.services.tracker.people.tuning import FILE, Tuning
 
 GRID = {"rivals": (0.05, 0.1, 0.2, 1.0), "forget_s": (0.4, 0.7)}
 _WRONG_WEIGHS = 4.0

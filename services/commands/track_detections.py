@@ -57,7 +57,7 @@ def track_detections(
     from heel.evaluation.motchallenge import write_tracks
     from heel.services.capture.numbered_pictures import pictures_by_number
     from heel.services.tracker.boxes.sequence import track_sequence
-    from heel.services.tracker.boxes.tuning import FILE, tuned
+    from heel.services.tracker.people.tuning import FILE, tuned
     from heel.services.tracker.trace import Trace
     from heel.services.tracker.trace_file import TraceFile
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from heel.schemas import Blobs, Track
 from heel.services.tracker.boxes.box_tracker import BoxTracker
-from heel.services.tracker.boxes.tuning import ROBOT, tuned
 from heel.services.tracker.people.appearance import describe
 from heel.services.tracker.people.carry import CameraStep
+from heel.services.tracker.people.tuning import ROBOT, tuned
 from heel.services.tracker.report import tracks_of
 from heel.services.tracker.settings import TrackerSettings
 from heel.services.tracker.trace import Trace

@@ -2,39 +2,30 @@
 
 The paper detects a merge when the number of blobs falls and a larger blob appears. Here a merge is
 a hypothesis beside the others: the box is the union of the predicted boxes of two people. If it
-wins, each edge of the box is taken for that of the person whose predicted edge lies outermost, and
-with the person's known size that edge alone gives the person's place. So both are measured while
-merged, and keep their identities at the split.
+wins, both are measured by its edges, see `people.merged`.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from heel.services.geometry.boxes import areas, intersection_matrix
-from heel.services.tracker.boxes.association import (
+from heel.services.tracker.people.association import (
     GATE,
     REFUSED,
     assign,
     in_heights,
     log_student,
 )
-from heel.services.tracker.people import kalman
 from heel.services.tracker.people.geometry import (
     FloatArray,
     boxes_to_measurements,
-    measurements_to_boxes,
 )
 from heel.services.tracker.people.kalman import NOISE_ASPECT, NOISE_HEIGHT, NOISE_X, NOISE_Y
-from heel.services.tracker.people.track import Track
 
-_UNKNOWN = 1e12
-"""Variance, and variance factor, of an axis that was not measured: above any other."""
 _OVERLAP = 0.2
 """Predicted overlap, share of the smaller box, from which two people may share one box;
 chosen by hand."""
@@ -47,15 +38,10 @@ _GROWTH = 0.2
 LONGEST_S = 1.0
 """Longest time without a box of its own for which a track may be in a merged one [s]; chosen by
 hand."""
-_SLACK = 0.05
-"""Distance up to which edges are shared [heights]: about the standard deviation of an edge; chosen
-by hand."""
-_EDGE_NOISE = 2.0
-"""Standard deviation of a centre measured by edges [that of single boxes]; chosen by hand."""
 
 
 @dataclass(frozen=True)
-class Merge:
+class Sharing:
     """Two tracks that share one box, and the log odds of that against leaving all unpaired."""
 
     tracks: tuple[int, int]
@@ -69,7 +55,7 @@ def merge_candidates(
     boxes: FloatArray,
     rates: FloatArray,
     newcomer: FloatArray,
-) -> list[Merge]:
+) -> list[Sharing]:
     """All merges that are within the gate and better than leaving all unpaired.
 
     Args:
@@ -90,7 +76,7 @@ def merge_candidates(
     total = density - newcomer[None] + (odds[first] + odds[second] + merged)[:, None]
     good = (distance < GATE) & (total > 0)
     return [
-        Merge((members[first[p]], members[second[p]]), int(j), float(total[p, j]))
+        Sharing((members[first[p]], members[second[p]]), int(j), float(total[p, j]))
         for p, j in zip(*np.nonzero(good), strict=True)
     ]
 
@@ -127,8 +113,8 @@ def _fit(
 
 
 def choose_merges(
-    log_odds: FloatArray, candidates: list[Merge]
-) -> tuple[list[tuple[int, int]], list[Merge], FloatArray]:
+    log_odds: FloatArray, candidates: list[Sharing]
+) -> tuple[list[tuple[int, int]], list[Sharing], FloatArray]:
     """Kuhn-Munkres, then every merge that is worth more than what its members got, best first.
 
     Args:
@@ -138,7 +124,7 @@ def choose_merges(
         The pairs (track, box), the merges, and the log odds with merged rows and columns refused.
     """
     pairs = assign(log_odds)
-    merges: list[Merge] = []
+    merges: list[Sharing] = []
     for merge in sorted(candidates, key=lambda candidate: -candidate.log_odds):
         taken = {i for done in merges for i in done.tracks}
         if taken & set(merge.tracks) or any(done.box == merge.box for done in merges):
@@ -152,60 +138,3 @@ def choose_merges(
             pairs, log_odds = rest, trial
             merges.append(merge)
     return pairs, merges, log_odds
-
-
-def measure_members(predicted: FloatArray, box: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places of the members of a merged box, by the edges that are theirs.
-
-    An edge is shared by members whose predicted edges are closer than `_SLACK`.
-
-    Args:
-        predicted: (K, 4) predicted xyxy boxes of the members. box: (4,) the merged box.
-
-    Returns:
-        Centres (K, 2) in pixels and variance factors (K, 2): infinite where no edge is known.
-    """
-    count = len(predicted)
-    centre, factor = np.zeros((count, 2)), np.full((count, 2), math.inf)
-    size = predicted[:, 2:] - predicted[:, :2]
-    for axis in (0, 1):
-        low, high = predicted[:, axis], predicted[:, axis + 2]
-        margin = _SLACK * float(size[:, 1].mean())
-        owns_low = low <= np.min(low) + margin
-        owns_high = high >= np.max(high) - margin
-        by_low, by_high = box[axis] + size[:, axis] / 2, box[axis + 2] - size[:, axis] / 2
-        owned = owns_low.astype(float) + owns_high
-        value = (owns_low * by_low + owns_high * by_high) / np.maximum(owned, 1)
-        alone = np.where(owns_low, owns_low.sum(), 0) + np.where(owns_high, owns_high.sum(), 0)
-        centre[:, axis] = np.where(owned > 0, value, (low + high) / 2)
-        factor[:, axis] = np.where(
-            owned > 0, np.maximum(alone / np.maximum(owned, 1), 1.0), math.inf
-        )
-    return centre, factor
-
-
-def correct_merged(
-    tracks: Sequence[Track],
-    merges: Sequence[Merge],
-    boxes: FloatArray,
-    t_s: float,
-) -> None:
-    """Correct the members of every merge by the edges that are theirs, in place.
-
-    Args:
-        tracks: of the merges' indices. boxes: (M, 4), likewise. t_s: now.
-    """
-    for merge in merges:
-        members = [tracks[i] for i in merge.tracks]
-        mean = np.stack([track.mean for track in members])
-        value = mean[:, :, 0].copy()
-        variance = kalman.measurement_variance(value)
-        centre, factor = measure_members(measurements_to_boxes(value), boxes[merge.box])
-        value[:, :2] = centre
-        variance[:, :2] *= np.minimum(factor, _UNKNOWN) * _EDGE_NOISE**2
-        variance[:, 2:] = _UNKNOWN
-        covariance = np.stack([track.covariance for track in members])
-        mean, covariance = kalman.update(mean, covariance, value, variance)
-        for k, track in enumerate(members):
-            track.mean, track.covariance = mean[k], covariance[k]
-            track.see(t_s)

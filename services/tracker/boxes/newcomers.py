@@ -8,13 +8,21 @@ import numpy as np
 
 from heel.services.geometry.boxes import iou_matrix
 from heel.services.tracker.boxes.frame import FrameBoxes
-from heel.services.tracker.boxes.tuning import Tuning
 from heel.services.tracker.people import kalman
 from heel.services.tracker.people.track import Track
+from heel.services.tracker.people.tuning import Tuning
 
 _DUPLICATE_IOU = 0.5
 """IoU with a track that has a box above which no track is born, as detectors may give two boxes of
 one person; chosen by hand."""
+_CONFIRM_HITS = 3
+"""Boxes before a track is shown: a false alarm seldom comes three times at one place; chosen by
+hand."""
+_CONFIRM_EXISTENCE = 0.95
+"""Probability of being a person from which a track is shown; chosen by hand."""
+WALKER_SCORE = 0.6
+"""Mean score from which a track is shown that has walked before a standing camera [share of a usual
+person's]; chosen by hand."""
 
 
 def newborn(
@@ -45,9 +53,23 @@ def newborn(
     return made
 
 
-def near_enough(track: Track, everybody: Sequence[Track], least_px: float, tuning: Tuning) -> bool:
-    """Whether a new track is tall enough, or no other track that is so is in sight."""
-    return track.height_px() >= least_px or not any(
-        other.height_px() >= least_px and (other.confirmed or other.ready(tuning))
-        for other in everybody
+def ready_tracks(tracks: Sequence[Track], least_px: float, tuning: Tuning) -> list[Track]:
+    """New tracks with evidence enough to be people.
+
+    Args:
+        tracks: all. tuning: least scores.
+        least_px: height below which none is new while a taller one is in sight.
+    """
+    sure = [track for track in tracks if not track.confirmed and _is_sure(track, tuning)]
+    known = [track for track in tracks if track.confirmed]
+    tall = any(track.height_px() >= least_px for track in (*known, *sure))
+    return [track for track in sure if not tall or track.height_px() >= least_px]
+
+
+def _is_sure(track: Track, tuning: Tuning) -> bool:
+    least = WALKER_SCORE if track.walked else tuning.shown_score
+    return (
+        track.hits >= _CONFIRM_HITS
+        and track.existence >= _CONFIRM_EXISTENCE
+        and track.mean_score >= least
     )

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.services.tracker.boxes.box_tracker import BoxTracker
-from heel.services.tracker.boxes.tuning import FILE, Tuning
 from heel.services.tracker.people.appearance import cut_out, describe
 from heel.services.tracker.people.geometry import FloatArray
+from heel.services.tracker.people.tuning import FILE, Tuning
 from heel.services.tracker.report import Report
 from heel.services.tracker.trace import Changes, Event, Trace
 

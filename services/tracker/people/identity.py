@@ -7,13 +7,15 @@ from a known person's box in verification.py, and which one is back in recall.py
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from heel.services.tracker.boxes.frame import FrameBoxes
+from heel.services.tracker.people.appearance import LOOK_LENGTH
 from heel.services.tracker.people.contacts import Contacts
 from heel.services.tracker.people.geometry import FloatArray, crowding
 from heel.services.tracker.people.looks import LookModel
+from heel.services.tracker.people.measured import Measured, Measurement
 from heel.services.tracker.people.track import Track
 from heel.services.tracker.people.verification import Verification, Verifications
 from heel.services.tracker.trace import Event, Trace, probable
@@ -57,7 +59,7 @@ class Identity:
         """Whether a contact or a newcomer leaves the identity of a track undecided."""
         return self.open(track) or self._verifications.open(track)
 
-    def log_odds(self, tracks: list[Track], boxes: FloatArray, looks: FloatArray) -> FloatArray:
+    def log_odds(self, tracks: Sequence[Track], boxes: FloatArray, looks: FloatArray) -> FloatArray:
         """Log odds (N, M) that (M, 4) boxes with (M, D) descriptors are of the tracks.
 
         Overlap with other boxes lowers their weight.
@@ -96,9 +98,8 @@ class Identity:
 
     def reassure(
         self,
-        pairs: list[tuple[Track, int]],
+        measurements: Sequence[Measurement],
         known: list[Track],
-        frame: FrameBoxes,
         elapsed_s: float,
     ) -> None:
         """Let appearance settle a doubt that no contact keeps open.
@@ -112,24 +113,23 @@ class Identity:
         resembles another one at times, and would lose a right id.
 
         Args:
-            pairs: tracks and the indices of their boxes.
+            measurements: of tracks by themselves; those without a descriptor settle nothing.
             known: all tracks in sight or remembered.
-            frame: boxes and descriptors; without descriptors nothing is settled.
             elapsed_s: since the frame before.
         """
-        if frame.looks is None:
-            return
-        alone = crowding(frame.boxes) <= CLEAR
-        for track, j in pairs:
+        for one in measurements:
+            track = one.track
             if track.confidence >= _DOUBTED:
                 track.vouched = None
             elif track.vouched is None:
                 track.vouched = track.gallery.copy()
-            if not (alone[j] and track.confirmed and self._is_doubted(track)):
+            if one.look is None or not one.clear or not track.confirmed:
                 continue
-            others = [one for one in known if one is not track and one.confirmed]
-            galleries = [one.vouched or one.gallery for one in [track, *others]]
-            odds = self.model.compare(galleries, frame.looks[j][None])[:, 0]
+            if not self._is_doubted(track):
+                continue
+            others = [other for other in known if other is not track and other.confirmed]
+            galleries = [other.vouched or other.gallery for other in [track, *others]]
+            odds = self.model.compare(galleries, one.look[None])[:, 0]
             evidence = max(float(odds[0]) - float(odds[1:].max(initial=0.0)), 0.0)
             doubt = (1 - track.confidence) / max(track.confidence, 1e-9)
             doubt *= math.exp(-self._reassure * min(evidence, _MOST_ALIKE) * elapsed_s)
@@ -141,33 +141,27 @@ class Identity:
 
     def learn(
         self,
-        pairs: list[tuple[Track, int]],
-        met: list[tuple[Track, Track]],
+        measured: Measured,
         tracks: tuple[list[Track], list[Track]],
-        frame: FrameBoxes,
         times_s: tuple[float, float],
     ) -> list[Verification]:
-        """Take in one frame.
+        """Take in one frame, of which pictures are known.
 
         Args:
-            pairs: tracks and the indices of their boxes.
-            met: pairs of tracks that can be confused.
+            measured: tracks, their descriptors, and pairs that can be confused.
             tracks: all in sight, and all remembered.
-            frame: boxes and descriptors; without descriptors nothing is learned.
             times_s: now, and the time since the frame before.
 
         Returns:
             Identities to be given up: the track may be of a newcomer by now.
         """
-        if frame.looks is None:
-            return []
         t_s, elapsed_s = times_s
-        for first, second in met:
+        for first, second in measured.met:
             if first.confirmed and second.confirmed:
                 self._contacts.touch(first, second, t_s)
-        alone = crowding(frame.boxes) <= CLEAR
-        clear = [(track, j) for track, j in pairs if alone[j]]
-        seen, looks = [track for track, _ in clear], frame.looks[[j for _, j in clear]]
+        clear = [(m.track, m.look) for m in measured.singles if m.clear and m.look is not None]
+        seen = [track for track, _ in clear]
+        looks = np.array([look for _, look in clear]).reshape(len(clear), LOOK_LENGTH)
         known = {id(track) for group in tracks for track in group}
         self._contacts.decide(seen, looks, known, t_s, elapsed_s)
         # A track that may be another person's adds nothing: its gallery is to decide that.

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from heel.services.tracker.boxes.association import assign, marginals
+from heel.services.tracker.people.association import assign, marginals
 from heel.services.tracker.people.geometry import FloatArray
 from heel.services.tracker.people.kalman import (
     ASPECT_MEAN,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.services.tracker.boxes.tuning import Tuning
 from heel.services.tracker.people.geometry import FloatArray
 from heel.services.tracker.people.looks import LookModel
 from heel.services.tracker.people.memory import Circumstances, Claim, claims
@@ -29,12 +30,18 @@ class Recall:
     """Keeps lost tracks and finds new tracks that are their returns."""
 
     def __init__(
-        self, tuning: Tuning, looks: LookModel, image_size: tuple[int, int] | None,
+        self, looks: LookModel, image_size: tuple[int, int] | None, trust: float,
         trace: Trace | None = None,
     ) -> None:  # fmt: skip
-        """Start without lost tracks; without `image_size` none is known to have left."""
+        """Start without lost tracks.
+
+        Args:
+            looks: compares appearance. image_size: without it no track is known to have left.
+            trust: least probability of a return that gives the old id back.
+            trace: takes what is decided.
+        """
         self.lost: list[Track] = []
-        self._tuning = tuning
+        self._trust = trust
         self._looks = looks
         self._image_size = image_size
         self._trace = trace or Trace()
@@ -66,19 +73,25 @@ class Recall:
                 self._trace.note(Event("forgotten", id=track.track_id))
 
     def recognised(
-        self, tracks: list[Track], t_s: float, places: bool, pictures: bool
-    ) -> list[Claim]:
+        self, ready: Sequence[Track], tracks: Sequence[Track], t_s: float, places: bool,
+        pictures: bool,
+    ) -> list[Claim]:  # fmt: skip
         """Which known person each new track of this frame most probably is.
 
         Args:
-            tracks: confirmed or near. places: whether places in the picture are places in the
-                world.
-            t_s: now. pictures: whether descriptors are known.
+            ready: new tracks that are about to be confirmed. tracks: all in sight.
+            t_s: now. places: whether places in the picture are places in the world.
+            pictures: whether descriptors are known.
 
         Returns:
             Claims, those that do not hold too; both tracks of one may be among `tracks`.
         """
-        newcomers = [t for t in tracks if t.seen_s == t_s and self._asks(t, pictures)]
+        first = {id(track) for track in ready}
+        newcomers = [
+            track
+            for track in tracks
+            if id(track) in first or (pictures and track.seen_s == t_s and _asks_again(track))
+        ]
         missing = list(self.lost) if places or pictures else []
         if pictures:
             missing += [t for t in tracks if t.confirmed and t.seen_s < t_s]
@@ -89,12 +102,7 @@ class Recall:
             newest = np.array([track.gallery.newest() for track in newcomers])
             looks = self._looks.compare([track.gallery for track in missing], newest)
         around = Circumstances(t_s, places, self._area_px2() if pictures else None)
-        return claims(newcomers, missing, looks, around, self._tuning.trust)
-
-    def _asks(self, track: Track, pictures: bool) -> bool:
-        if not track.confirmed:
-            return track.ready(self._tuning)
-        return pictures and track.hits in _LOOK_AGAIN_HITS
+        return claims(newcomers, missing, looks, around, self._trust)
 
     def _area_px2(self) -> float | None:
         return None if self._image_size is None else float(np.prod(self._image_size))
@@ -114,3 +122,7 @@ class Recall:
         box = track.box()
         inside = np.concatenate([box[:2], np.array(self._image_size) - box[2:]])
         return np.asarray(inside < _EDGE * (box[2] - box[0]))
+
+
+def _asks_again(track: Track) -> bool:
+    return track.confirmed and track.hits in _LOOK_AGAIN_HITS

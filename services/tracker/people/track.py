@@ -7,13 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from heel.services.tracker.boxes.tuning import Tuning
 from heel.services.tracker.people.geometry import AXES, FloatArray
 from heel.services.tracker.people.looks import Gallery
 from heel.services.tracker.report import Report
 
-_EPSILON_S = 1e-6
-"""Slack of comparisons of times [s], below any frame's."""
 _LEAST_CONFIDENCE = 0.52
 """Reported confidence where motion gives no evidence of identity; fitted, see `Track.report`."""
 _CONFIDENCE_RANGE = 0.40
@@ -34,14 +31,6 @@ _SCORE_MEMORY_S = 1.0
 """Time constant of the mean score [s]; chosen by hand."""
 _MOST_EXISTENCE = 0.99
 """Most probability of being a person, so that evidence against it still counts; chosen by hand."""
-_CONFIRM_HITS = 3
-"""Boxes before a track is shown: a false alarm seldom comes three times at one place; chosen by
-hand."""
-_CONFIRM_EXISTENCE = 0.95
-"""Probability of being a person from which a track is shown; chosen by hand."""
-_WALKER_SCORE = 0.6
-"""Mean score from which a track is shown that has walked before a standing camera [share of a usual
-person's]; chosen by hand."""
 
 
 @dataclass(eq=False)
@@ -71,6 +60,7 @@ class Track:
     anchor_speed: float = 0.0  # heights per second at that moment
     anchor_spread_px: float = 0.0  # standard deviation by warps
     missed_frames: int = 0
+    returning: bool = False  # measured again after time unseen, not yet compared with others
     in_front: tuple[Track, ...] = ()  # occluders, nearest first
     proven: bool = True  # known to be a person, not a thing
     left: bool = False  # over the edge of the picture
@@ -131,12 +121,13 @@ class Track:
         speed_x, speed_y = self.mean[:2, 1].tolist()
         self.anchor_speed = math.hypot(speed_x, speed_y) / math.exp(self.mean[2, 0])
 
-    def believe(self, score: float, shared: float, t_s: float) -> None:
-        """Take a box of its own as evidence of being a person.
+    def believe(self, score: float, shared: float, alone: bool, t_s: float) -> None:
+        """Take a measurement of its own as evidence of being a person.
 
         Args:
-            score: the detector's, in [0, 1], read as the probability that the box is a person.
-            shared: overlap in [0, 1] with a known person: the chance of a second box of that one.
+            score: in [0, 1], read as the probability that what was measured is a person.
+            shared: overlap in [0, 1] with a known person: the chance of a double of that one.
+            alone: whether at least half of the person is in view.
             t_s: now.
         """
         elapsed_s = t_s - self.seen_s
@@ -148,7 +139,8 @@ class Track:
             self.existence / (self.existence + (1 - self.existence) * odd), _MOST_EXISTENCE
         )
         self.hits += 1
-        self.alone_s = t_s
+        if alone:
+            self.alone_s = t_s
         self.see(t_s)
 
     def doubt(self, rivals: float, best: float, memory: float) -> None:
@@ -160,15 +152,6 @@ class Track:
         """
         self.runner_up = min(self.runner_up + self.confidence * best, 1.0)
         self.confidence *= max(1 - rivals, 0.0) * memory
-
-    def ready(self, tuning: Tuning) -> bool:
-        """Whether the evidence for a new track is enough to confirm it."""
-        return bool(
-            not self.confirmed
-            and self.hits >= _CONFIRM_HITS
-            and self.existence >= _CONFIRM_EXISTENCE
-            and self.mean_score >= (_WALKER_SCORE if self.walked else tuning.shown_score)
-        )
 
     def is_somewhere(self) -> bool:
         """Whether the state is within the bounds of pictures; False also where it is not finite.
@@ -193,20 +176,13 @@ class Track:
         half_width = half_height * math.exp(log_aspect)
         return np.array([x - half_width, y - half_height, x + half_width, y + half_height])
 
-    def report(
-        self, t_s: float, tuning: Tuning, pictures: bool, at_side: bool, least_px: float
-    ) -> Report:
+    def report(self, t_s: float, pictures: bool, shown: bool) -> Report:
         """The track as reported in this frame.
 
         Args:
-            t_s: now. tuning: when a track is shown. pictures: whether descriptors are known.
-            at_side: whether it is at the picture's side: without a box there, it has left.
-            least_px: height below which no track is shown.
+            t_s: now. pictures: whether descriptors are known.
+            shown: whether a user is shown the track, if it is confirmed.
         """
-        unseen_s = t_s - self.seen_s
-        least = _WALKER_SCORE if self.walked else tuning.hidden_score
-        coast_s = 0.0 if at_side else tuning.show_missed_s
-        shown = self.confirmed and unseen_s <= coast_s + _EPSILON_S
         confidence = self.confidence
         if not pictures:
             # Fitted by least squares, and checked on sequences that were left out (see
@@ -225,6 +201,6 @@ class Track:
             in_front=tuple(other.track_id for other in self.in_front if other.track_id),
             identity_confidence=confidence,
             runner_up_confidence=self.runner_up,
-            shown=shown and self.mean_score >= least and self.height_px() >= least_px,
+            shown=shown,
             proven=self.proven,
         )

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from heel.services.tracker.boxes.association import marginals
+from heel.services.tracker.people.association import marginals
 
 
 def exact(log_odds: list[list[float]]) -> list[list[float]]:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from heel.services.tracker.boxes.box_tracker import BoxTracker
-from heel.services.tracker.boxes.tuning import ROBOT
 from heel.services.tracker.people.appearance import LOOK_LENGTH
+from heel.services.tracker.people.tuning import ROBOT
 
 FRAME_S = 0.05
 BOX = np.array([[300.0, 150.0, 380.0, 400.0]])

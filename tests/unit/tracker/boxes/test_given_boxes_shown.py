@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from heel.services.tracker.boxes.box_tracker import BoxTracker
-from heel.services.tracker.boxes.tuning import ROBOT
+from heel.services.tracker.people.tuning import ROBOT
 from heel.services.tracker.report import Report
 
 IMAGE = (1000, 500)

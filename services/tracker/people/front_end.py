@@ -1,0 +1,72 @@
+"""What stands between one kind of frames and the people: detections or evidence to measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from heel.services.tracker.people.carry import CameraStep
+from heel.services.tracker.people.geometry import FloatArray
+from heel.services.tracker.people.identity import Identity
+from heel.services.tracker.people.measured import Measured
+from heel.services.tracker.people.track import Track
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """The people as predicted for a frame.
+
+    Attributes:
+        tracks: N in sight, or shortly out of it.
+        mean, covariance: (N, 4, 2) and (N, 4, 2, 2), see `kalman`.
+        hidden: (N,) share in [0, 1] of each box that the nearer one which hides most of it covers.
+        identity: what is known of appearance.
+        t_s: time of the frame; elapsed_s: since the frame before.
+        camera: how the picture moved since then; None: not told.
+    """
+
+    tracks: Sequence[Track]
+    mean: FloatArray
+    covariance: FloatArray
+    hidden: FloatArray
+    identity: Identity
+    t_s: float
+    elapsed_s: float
+    camera: CameraStep | None
+
+
+Frame = TypeVar("Frame", contravariant=True)
+
+
+class FrontEnd(Protocol[Frame]):
+    """Turns frames of one kind into measurements, births and deaths of tracks.
+
+    Attributes:
+        pictures: whether descriptors are taken.
+        detection_rate: probability that a visible person is measured, as far as a miss speaks
+            against a track being a person.
+    """
+
+    pictures: bool
+    detection_rate: float
+
+    def measure(self, frame: Frame, scene: Scene) -> Measured:
+        """Measure the tracks of a scene."""
+        ...
+
+    def take_stock(self, tracks: list[Track], measured: Measured, t_s: float) -> list[Track]:
+        """The tracks that go on after they were corrected, newborn ones among them."""
+        ...
+
+    def ready(self, tracks: Sequence[Track]) -> list[Track]:
+        """New tracks that are known to be people by now."""
+        ...
+
+    def parted(self, newcomer: Track, tracks: Sequence[Track]) -> list[Track]:
+        """Known tracks whose measurements were of two people, one of them the newcomer."""
+        ...
+
+    def shows(self, track: Track, t_s: float, at_side: bool) -> bool:
+        """Whether a confirmed track is shown; `at_side` of the picture people leave it."""
+        ...
