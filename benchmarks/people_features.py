@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas.blobs import FOREGROUND
-from heel.services.tracker.evidence.appearance import look_of
+from heel.services.tracker.appearance.descriptor import describe
 from heel.services.tracker.paper.features import FAMILIES, extract
 
 Vectors = dict[str, NDArray[np.float64]]
@@ -41,13 +41,12 @@ def vectors_of(
     """
     rows, columns = evidence.shape
     left, top, right, bottom = (float(value) for value in box_xyxy)
-    look = look_of(image, evidence, (left, top, right, bottom))
     x0, x1 = max(0, round(left)), min(columns, round(right))
     y0, y1 = max(0, round(top)), min(rows, round(bottom))
-    if look is None or min(x1 - x0, y1 - y0) < _LEAST_PX:
+    if min(x1 - x0, y1 - y0) < _LEAST_PX:
         return None
     patch, mask = image[y0:y1, x0:x1], evidence[y0:y1, x0:x1] >= FOREGROUND
-    parts = look.reshape(3, -1).astype(np.float64)
+    parts = describe([patch], [mask])[0].reshape(5, -1)
     return {
         "lab_parts": parts.ravel(),
         "lab_whole": parts.mean(axis=0),

@@ -7,12 +7,11 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from heel.schemas import Blobs, CameraMotion, Track, Tracks
 from heel.services.geometry.calibration_file import Calibration, read_calibration
-from heel.services.tracker.boxes.detected_people import PeopleTracker
-from heel.services.tracker.evidence.tracker import FittedTracker
+from heel.services.tracker.boxes.detected_people import DetectedPeople
+from heel.services.tracker.evidence.evidence_tracker import EvidenceTracker
 from heel.services.tracker.paper.tracker import BlobTracker
 from heel.services.tracker.settings import Input, TrackerSettings
 from heel.services.tracker.sought import SoughtTracker
@@ -21,9 +20,9 @@ from heel.services.tracker.trace import Changes, Event, Trace
 
 _log = logging.getLogger(__name__)
 
-Method = BlobTracker | FittedTracker | PeopleTracker | SoughtTracker
+Method = BlobTracker | EvidenceTracker | DetectedPeople | SoughtTracker
 _NAMES: dict[type, Literal["fitted", "paper", "boxes", "pointed-at"]] = {
-    BlobTracker: "paper", FittedTracker: "fitted", PeopleTracker: "boxes",
+    BlobTracker: "paper", EvidenceTracker: "fitted", DetectedPeople: "boxes",
     SoughtTracker: "pointed-at",
 }  # fmt: skip
 
@@ -57,7 +56,8 @@ class Tracker:
         self._trace = trace or Trace()
         self._changes = Changes(self._trace)
         self._first_ns: int | None = None
-        self._method: Method = self._on_foreground(next_id=1)
+        self._evidence_size: tuple[int, ...] | None = None
+        self._method: Method | None = None
 
     def update(self, blobs: Blobs) -> Tracks:
         """Take in one frame.
@@ -71,23 +71,27 @@ class Tracker:
             SettingsError: a setting has no meaning for blobs of this kind; likewise.
         """
         evidence = None if blobs.evidence is None else blobs.evidence.array()
+        size = self._evidence_size if evidence is None else evidence.shape
         scene = (
-            blobs.stream, blobs.epoch, blobs.width, blobs.height, blobs.kind, blobs.sought,
+            blobs.stream, blobs.epoch, blobs.width, blobs.height, blobs.kind, blobs.sought, size,
         )  # fmt: skip
         if not _is_a_step(blobs):
             blobs = blobs.model_copy(update={"camera_motion": None})
         if scene != self._scene:
             self.settings.check(_input(blobs))
-        self.settle()  # of the frame before: it may use up ids
         self._begin(blobs)
-        if scene != self._scene:
-            self._scene = scene
+        method = self._method
+        if method is None or scene != self._scene:
+            self._scene, self._evidence_size = scene, size
             self._clock = FrameClock()
             self._changes.forget()
-            self._method = self._started(blobs, self._method.next_id)
-            self._note_input(blobs)
+            method = self._method = self._started(blobs, 1 if method is None else method.next_id)
+            self._note_input(blobs, method)
         dt_s = self._clock.elapsed_s(blobs.t_capture_ns)
-        tracks = self._tracks(blobs, evidence, dt_s)
+        if isinstance(method, EvidenceTracker):
+            tracks = method.update(blobs, evidence, dt_s)
+        else:
+            tracks = method.update(blobs, dt_s)
         self._changes.observe(tracks)
         return _message(blobs, tracks)
 
@@ -96,9 +100,9 @@ class Tracker:
             self._first_ns = blobs.t_capture_ns
         self._trace.begin(blobs.index + 1, (blobs.t_capture_ns - self._first_ns) * 1e-9)
 
-    def _note_input(self, blobs: Blobs) -> None:
+    def _note_input(self, blobs: Blobs, method: Method) -> None:
         if self._trace.on:
-            self._trace.note(Event("input", input=_input(blobs), method=_NAMES[type(self._method)]))
+            self._trace.note(Event("input", input=_input(blobs), method=_NAMES[type(method)]))
 
     def settle(self) -> None:
         """Do now what the next `update` would do first; the result is the same either way.
@@ -106,30 +110,20 @@ class Tracker:
         Called after the tracks are sent, it spares the frame the fit of the scene's scale, and
         works while the next frame is captured and detected.
         """
-        if isinstance(self._method, FittedTracker):
+        if isinstance(self._method, EvidenceTracker):
             self._method.settle()
 
     def _started(self, blobs: Blobs, next_id: int) -> Method:
-        kind = _input(blobs)
-        if kind == "foreground":
-            return self._on_foreground(next_id)
-        reporting, identify = self.settings.reporting(kind), self.settings.identify
+        kind, size = _input(blobs), (blobs.width, blobs.height)
         if kind == "people":
-            size = (blobs.width, blobs.height)
-            return PeopleTracker(size, next_id, self.settings, self._trace)
+            return DetectedPeople(size, next_id, self.settings, self._trace)
+        if kind == "foreground" and self.settings.preset == "paper":
+            return BlobTracker(next_id, self._trace)
+        if kind == "foreground":
+            return EvidenceTracker(self.settings, size, next_id, self._calibration, self._trace)
         if self._calibration is not None:
             _log.warning("tracker.calibration has no part in tracking a person pointed at")
-        return SoughtTracker(next_id, reporting, identify)
-
-    def _on_foreground(self, next_id: int) -> Method:
-        if self.settings.preset == "paper":
-            return BlobTracker(next_id, self._trace)
-        return FittedTracker(self.settings, next_id, self._calibration, self._trace)
-
-    def _tracks(self, blobs: Blobs, evidence: NDArray[np.uint8] | None, dt_s: float) -> list[Track]:
-        if isinstance(self._method, FittedTracker):
-            return self._method.update(blobs, evidence, dt_s)
-        return self._method.update(blobs, dt_s)
+        return SoughtTracker(next_id, self.settings.reporting(kind), self.settings.identify)
 
 
 def configured(settings: TrackerSettings, trace: Trace | None = None) -> Tracker:

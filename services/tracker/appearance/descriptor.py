@@ -57,14 +57,14 @@ _BLUR = sum(np.eye(_LIGHTS, k=k) * share for k, share in ((-1, 0.3), (0, 0.4), (
 _ACROSS = (np.arange(_WIDTH) + 0.5) / _WIDTH - 0.5
 _ROWS = np.concatenate([np.arange(low, high) for low, high in _BANDS])
 _BAND_OF_ROW = np.repeat(np.arange(len(_BANDS)), [high - low for low, high in _BANDS])
-# A person is in the middle of the box, with background at both sides: without a mask only the
-# middle counts, with one its surroundings as well. The standard deviations of 0.16 and 0.2 box
-# widths are chosen by hand.
-_MIDDLE, _AROUND = (
-    np.tile(np.exp(-0.5 * (_ACROSS / spread) ** 2), (len(_ROWS), 1)) for spread in (0.16, 0.2)
-)
+_MIDDLE = np.tile(np.exp(-0.5 * (_ACROSS / 0.16) ** 2), (len(_ROWS), 1))
+"""Weights of pixels without a mask: the person is in the middle of the box, with background at both
+sides. The standard deviation of 0.16 box widths is chosen by hand."""
+_AROUND = np.tile(np.exp(-0.5 * (_ACROSS / 0.2) ** 2), (len(_ROWS), 1))
+"""The same with a mask: the middle's surroundings count as well. 0.2 box widths: chosen by hand."""
 _BAND_OFFSET = np.repeat(_BAND_OF_ROW, _WIDTH) * _PER_BAND
 _BAND_STARTS = np.cumsum([0, *(high - low for low, high in _BANDS[:-1])])
+"""Row, of those in `_ROWS`, at which each band begins."""
 
 
 def cut_out(image: NDArray[_Pixel], boxes: FloatArray) -> list[NDArray[_Pixel]]:

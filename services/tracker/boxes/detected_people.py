@@ -14,7 +14,7 @@ from heel.services.tracker.settings import TrackerSettings
 from heel.services.tracker.trace import Trace
 
 
-class PeopleTracker:
+class DetectedPeople:
     """`BoxTracker` on blobs messages of kind "people": boxes, scores and the pixels under them."""
 
     def __init__(

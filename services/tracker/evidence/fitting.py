@@ -11,9 +11,9 @@ from heel.services.geometry.boxes import cover, intersection_matrix
 from heel.services.tracker.evidence.arrays import Foot, box_at
 from heel.services.tracker.evidence.canvas import Canvas, Fit, Window
 from heel.services.tracker.evidence.coverage import Standing, reduce, reduction, standing
-from heel.services.tracker.evidence.person import Person
 from heel.services.tracker.evidence.samples import Sample
 from heel.services.tracker.evidence.scale import SceneScale
+from heel.services.tracker.evidence.silhouette import Silhouette
 
 _MORE_SWEEPS = 1
 """Sweeps of the coordinate ascent after the first, over people whose windows meet; more cost time.
@@ -39,7 +39,7 @@ _FREE = 1e6
 """Working pixels: deviation of a prediction that says nothing."""
 
 
-def fit_people(canvas: Canvas, people: Sequence[Person], ratio: float) -> dict[int, Fit]:
+def fit_people(canvas: Canvas, people: Sequence[Silhouette], ratio: float) -> dict[int, Fit]:
     """Best position of each person given all others; leaves their templates on the canvas.
 
     Returns:
@@ -63,12 +63,12 @@ def fit_people(canvas: Canvas, people: Sequence[Person], ratio: float) -> dict[i
     return fits
 
 
-def _reach(person: Person) -> int:
+def _reach(person: Silhouette) -> int:
     growth = min(_REACH_GROWTH**person.missed_frames, _REACH_LIMIT)
     return max(2, round(_REACH * person.height * growth))
 
 
-def _touching(people: Sequence[Person], ratio: float) -> list[Person]:
+def _touching(people: Sequence[Silhouette], ratio: float) -> list[Silhouette]:
     """People whose search area meets that of another one."""
     areas = np.empty((len(people), 4))
     for index, person in enumerate(people):
@@ -79,14 +79,14 @@ def _touching(people: Sequence[Person], ratio: float) -> list[Person]:
     return [person for person, count in zip(people, meetings, strict=True) if count > 1]
 
 
-def _fit_one(canvas: Canvas, person: Person) -> Fit | None:
+def _fit_one(canvas: Canvas, person: Silhouette) -> Fit | None:
     reach = _reach(person)
     window = Window(person.foot, (reach, reach), _DEVIATION * person.height, _PENALTY)
     return canvas.search(canvas.template(person.height), window)
 
 
 def shares_in_view(
-    canvas: Canvas, people: Sequence[Person], fits: dict[int, Fit]
+    canvas: Canvas, people: Sequence[Silhouette], fits: dict[int, Fit]
 ) -> dict[int, float]:
     """Share of each person's silhouette that no nearer person covers (lower feet are nearer)."""
     feet = {person.id: _placed(person, fits) for person in people}
@@ -97,11 +97,11 @@ def shares_in_view(
     }
 
 
-def _placed(person: Person, fits: dict[int, Fit]) -> Foot:
+def _placed(person: Silhouette, fits: dict[int, Fit]) -> Foot:
     return fits[person.id].foot if person.id in fits else person.foot
 
 
-def measure_height(canvas: Canvas, person: Person, fit: Fit) -> tuple[float, float] | None:
+def measure_height(canvas: Canvas, person: Silhouette, fit: Fit) -> tuple[float, float] | None:
     """Height and foot row that explain most, for a person seen in the open.
 
     Returns:
@@ -123,7 +123,11 @@ def measure_height(canvas: Canvas, person: Person, fit: Fit) -> tuple[float, flo
 
 
 def births(
-    canvas: Canvas, people: Sequence[Person], scale: SceneScale, smallest: float, threshold: float
+    canvas: Canvas,
+    people: Sequence[Silhouette],
+    scale: SceneScale,
+    smallest: float,
+    threshold: float,
 ) -> list[tuple[Fit, float]]:
     """New people on what is left unexplained, where the scene's height line is known.
 
@@ -156,7 +160,7 @@ def births(
 
 
 def births_without_scale(
-    canvas: Canvas, people: Sequence[Person], samples: Sequence[Sample], threshold: float
+    canvas: Canvas, people: Sequence[Silhouette], samples: Sequence[Sample], threshold: float
 ) -> list[tuple[Fit, float]]:
     """New people in clean components, each of its component's height; see `births`.
 
@@ -174,14 +178,14 @@ def births_without_scale(
     return found
 
 
-def _lift_missed(canvas: Canvas, people: Sequence[Person]) -> None:
+def _lift_missed(canvas: Canvas, people: Sequence[Silhouette]) -> None:
     """Take people that are not seen off the canvas: they explain nothing."""
     for person in people:
         if person.missed_frames > 0:
             canvas.add(canvas.template(person.height), person.fitted_foot, -1.0)
 
 
-def _behind(candidate: Standing, people: Sequence[Person], ratio: float) -> float:
+def _behind(candidate: Standing, people: Sequence[Silhouette], ratio: float) -> float:
     """Share of a candidate's box behind the nearer person that covers most of it."""
     box = box_at(candidate.foot, candidate.height, ratio)
     nearer = [person for person in people if person.foot[1] > candidate.foot[1]]

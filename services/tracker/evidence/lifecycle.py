@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,7 +10,8 @@ from heel.schemas.blobs import FOREGROUND, MOVING
 from heel.services.geometry.boxes import cover, iou
 from heel.services.tracker.evidence.arrays import Box, Image
 from heel.services.tracker.evidence.canvas import Canvas, Fit
-from heel.services.tracker.evidence.person import Person
+from heel.services.tracker.evidence.silhouette import Silhouette
+from heel.services.tracker.people.track import Track
 from heel.services.tracker.settings import Reporting
 
 CONFIRM_HITS = 3
@@ -52,8 +53,6 @@ _GHOST_AFTER_S = 1.0
 """Seconds without any motion from which such a person is a ghost; chosen by hand."""
 _GHOST_MOVED = 0.7
 """Heights from the place of birth below which such a person never went far; chosen by hand."""
-_BORDER = 0.3
-"""Heights from the border of the image within which people come and go; chosen by hand."""
 _BESIDE = 0.7
 """Heights between the feet of two people that may have been taken for one; chosen by hand."""
 # Two people taken for one lose gain when they part; a single person hardly loses any when another
@@ -75,23 +74,31 @@ CLUTTER_HEIGHT = 0.85
 than 1, so that a person is known once it is shown; chosen by hand."""
 
 
-def confirm_if_due(person: Person, evidence: Image, ratio: float, dt_s: float) -> bool:
-    """A person counts once seen several times and moving: ghosts and lamps never move.
+_TENTATIVE_FRAMES = 2
+"""Frames unseen in a row after which a person that does not count yet is dropped; chosen by
+hand."""
+_JUMP = 0.3
+"""Heights from the prediction within which a person just missed is found again; chosen by hand."""
+_JUMP_SPEED = 0.4
+"""Heights per second by which that distance grows; chosen by hand."""
+_JUMP_GROWTH = 0.3
+"""Difference of ln(height) up to which it is the same person; chosen by hand."""
 
-    Returns:
-        Whether the person counts since this frame.
-    """
+
+def observe_motion(person: Silhouette, evidence: Image, ratio: float, dt_s: float) -> None:
+    """Note whether the evidence of a person that is seen moves."""
     moves = moving_share(evidence, person.box(ratio)) > _MOVING_SHARE
     person.moving_hits += person.gain > _MOVING_GAIN and moves
     person.still_s = 0.0 if moves else person.still_s + dt_s
-    if person.confirmed or person.hits < CONFIRM_HITS:
-        return False
-    moved = person.moved() > _CONFIRM_MOVED
-    person.confirmed = moved or person.moving_hits >= _CONFIRM_MOVING_HITS
-    return person.confirmed
 
 
-def is_torn(person: Person, newcomer: Person) -> bool:
+def is_person(person: Silhouette) -> bool:
+    """Whether it counts: seen several times and moving, for ghosts and lamps never move."""
+    moves = person.moved > _CONFIRM_MOVED or person.moving_hits >= _CONFIRM_MOVING_HITS
+    return person.hits >= CONFIRM_HITS and moves
+
+
+def is_torn(person: Silhouette, newcomer: Silhouette) -> bool:
     """Whether the newcomer, just confirmed, explains what the person's box explained before."""
     if person is newcomer:
         return False
@@ -105,14 +112,6 @@ def is_torn(person: Person, newcomer: Person) -> bool:
     return min(newcomer.gain, *since) > _PARTED_GAIN and float(np.mean(since)) < least
 
 
-def at_border(person: Person, shape: tuple[int, ...], ratio: float) -> bool:
-    """Whether a person may just have come into the picture, of `shape` (rows, columns), here."""
-    left, top, right, bottom = person.box(ratio)
-    margin = _BORDER * person.height
-    across = left < margin or right > shape[1] - margin
-    return across or top < margin or bottom > shape[0] - margin
-
-
 def moving_share(evidence: Image, box: Box) -> float:
     """Share of the foreground in a box that moves."""
     left, top, right, bottom = (max(0, round(value)) for value in box)
@@ -121,7 +120,7 @@ def moving_share(evidence: Image, box: Box) -> float:
     return float(moving) / max(float(np.count_nonzero(part >= FOREGROUND)), 1.0)
 
 
-def without_duplicates(people: Sequence[Person], ratio: float, dt_s: float) -> list[Person]:
+def without_duplicates(people: Sequence[Silhouette], ratio: float, dt_s: float) -> list[Silhouette]:
     """Leave out people that for a while explained nothing but what an older one there explains."""
     gone: set[int] = set()
     for person in people:
@@ -137,39 +136,34 @@ def without_duplicates(people: Sequence[Person], ratio: float, dt_s: float) -> l
     return [person for person in people if person.id not in gone]
 
 
-def _same(person: Person, other: Person, ratio: float) -> bool:
+def _same(person: Silhouette, other: Silhouette, ratio: float) -> bool:
     box, older = person.box(ratio), other.box(ratio)
     hidden = cover(box, older) > _SAME_CONTAINED and person.best_gain < _NEVER_CLEAN
     return iou(box, older) > _SAME_IOU or hidden
 
 
-def is_alive(person: Person, canvas: Canvas, ratio: float, reporting: Reporting) -> bool:
+def is_alive(person: Silhouette, canvas: Canvas, ratio: float, reporting: Reporting) -> bool:
     """Not forgotten, in the image, and not too small to be told from clutter."""
     _, top, _, bottom = person.box(ratio)
     inside = 0 <= person.foot[0] < canvas.columns and top < canvas.rows and bottom > 0
     lowest = _KNOWN_HEIGHT if person.confirmed else CLUTTER_HEIGHT
     large = person.height > lowest * reporting.min_height * canvas.rows
-    if person.born_early and person.still_s > _GHOST_AFTER_S and person.moved() < _GHOST_MOVED:
+    if person.born_early and person.still_s > _GHOST_AFTER_S and person.moved < _GHOST_MOVED:
         return False
-    here = inside and person.inside > _LEAST_INSIDE and large
-    return here and not is_forgotten(person, reporting.forget_s)
+    lasts = person.confirmed or person.missed_frames < _TENTATIVE_FRAMES
+    return lasts and inside and person.inside > _LEAST_INSIDE and large
 
 
-def is_forgotten(person: Person, forget_s: float) -> bool:
-    """Missed for too long."""
-    if person.confirmed:
-        return person.missed_s > forget_s
-    return person.missed_frames >= 2
-
-
-def missed_near(people: Sequence[Person], fit: Fit, height: float) -> Person | None:
+def missed_near(
+    people: Mapping[Track, Silhouette], fit: Fit, height: float, t_s: float
+) -> Track | None:
     """The nearest confirmed person that has just been missed and can have come to `fit`."""
     missed = [
-        person
-        for person in people
+        (person.distance(fit.foot), person.id, track)
+        for track, person in people.items()
         if person.confirmed
         and person.missed_frames > 1
-        and person.distance(fit.foot) < 0.3 + 0.4 * person.missed_s
-        and abs(np.log(height / person.height)) < 0.3
+        and person.distance(fit.foot) < _JUMP + _JUMP_SPEED * (t_s - track.seen_s)
+        and abs(np.log(height / person.height)) < _JUMP_GROWTH
     ]
-    return min(missed, key=lambda person: (person.distance(fit.foot), person.id), default=None)
+    return min(missed, key=lambda found: found[:2])[2] if missed else None

@@ -17,6 +17,8 @@ from heel.services.tracker.people.geometry import AXES, FloatArray
 
 ASPECT = 3
 """Index of the axis without a rate."""
+UNKNOWN = 1e12
+"""Variance, and variance factor, of an axis that was not measured: above any other."""
 
 # Motion of people and scatter of detectors' boxes about them; lengths in person heights.
 # Fitted by hand to the boxes of public detectors (see docs on association).

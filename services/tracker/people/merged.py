@@ -16,8 +16,6 @@ from heel.services.tracker.people import kalman
 from heel.services.tracker.people.geometry import FloatArray, measurements_to_boxes
 from heel.services.tracker.people.track import Track
 
-_UNKNOWN = 1e12
-"""Variance, and variance factor, of an axis that was not measured: above any other."""
 _SLACK = 0.05
 """Distance up to which edges are shared [heights]: about the standard deviation of an edge; chosen
 by hand."""
@@ -71,8 +69,8 @@ def correct_merged(merges: Sequence[Merge], t_s: float) -> None:
         variance = kalman.measurement_variance(value)
         centre, factor = measure_members(measurements_to_boxes(value), merge.box)
         value[:, :2] = centre
-        variance[:, :2] *= np.minimum(factor, _UNKNOWN) * _EDGE_NOISE**2
-        variance[:, 2:] = _UNKNOWN
+        variance[:, :2] *= np.minimum(factor, kalman.UNKNOWN) * _EDGE_NOISE**2
+        variance[:, 2:] = kalman.UNKNOWN
         covariance = np.stack([track.covariance for track in merge.tracks])
         mean, covariance = kalman.update(mean, covariance, value, variance)
         for k, track in enumerate(merge.tracks):

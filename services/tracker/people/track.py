@@ -7,7 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from heel.services.tracker.people import kalman
 from heel.services.tracker.people.geometry import AXES, FloatArray
+from heel.services.tracker.people.kalman import ASPECT
 from heel.services.tracker.people.looks import Gallery
 from heel.services.tracker.report import Report
 
@@ -120,6 +122,15 @@ class Track:
         self.anchor = self.mean[:, 0].copy()
         speed_x, speed_y = self.mean[:2, 1].tolist()
         self.anchor_speed = math.hypot(speed_x, speed_y) / math.exp(self.mean[2, 0])
+
+    def jump(self, value: FloatArray, t_s: float) -> None:
+        """Go to a place (4,) a little away from the prediction, and keep the velocity."""
+        start, spread = kalman.initial_state(value[None])
+        self.mean[:ASPECT, 0] = start[0, :ASPECT, 0]
+        self.covariance[:ASPECT, 0, :] = self.covariance[:ASPECT, :, 0] = 0.0
+        self.covariance[:ASPECT, 0, 0] = spread[0, :ASPECT, 0, 0]
+        self.hits += 1
+        self.see(t_s)
 
     def believe(self, score: float, shared: float, alone: bool, t_s: float) -> None:
         """Take a measurement of its own as evidence of being a person.

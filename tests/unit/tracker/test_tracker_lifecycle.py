@@ -7,9 +7,14 @@ import pytest
 
 from heel.schemas.blobs import FOREGROUND, MOVING
 from heel.services.tracker.evidence.canvas import Canvas
-from heel.services.tracker.evidence.kalman import FootFilter
-from heel.services.tracker.evidence.lifecycle import confirm_if_due, is_alive, without_duplicates
-from heel.services.tracker.evidence.person import Person
+from heel.services.tracker.evidence.lifecycle import (
+    is_alive,
+    is_person,
+    is_torn,
+    observe_motion,
+    without_duplicates,
+)
+from heel.services.tracker.evidence.silhouette import Silhouette
 from heel.services.tracker.settings import TrackerSettings
 
 RATIO, DT_S = 0.37, 0.1
@@ -18,9 +23,10 @@ CANVAS = Canvas((ROWS, COLUMNS), 120.0, 1, RATIO)
 SETTINGS = TrackerSettings().reporting("foreground")
 
 
-def person(number: int = 1, height: float = 60.0, moved: float = 0.0) -> Person:
-    foot = FootFilter((160.0, 150.0), height, 1.2)
-    return Person(number, foot, height, (160.0 - moved * height, 150.0), 1.0, confirmed=True)
+def person(
+    number: int = 1, height: float = 60.0, moved: float = 0.0, x: float = 160.0
+) -> Silhouette:
+    return Silhouette(number, (x, 150.0), height, 1.0, confirmed=True, moved=moved)
 
 
 @pytest.mark.parametrize(
@@ -73,14 +79,39 @@ def test_a_double_goes_soon_and_somebody_hidden_late(
 def test_stillness_counts_while_nothing_moves_and_starts_over_when_it_does() -> None:
     one, still = person(), np.full((ROWS, COLUMNS), FOREGROUND, np.uint8)
     for _ in range(5):
-        confirm_if_due(one, still, RATIO, DT_S)
+        observe_motion(one, still, RATIO, DT_S)
     assert one.still_s == pytest.approx(0.5)
-    confirm_if_due(one, np.full((ROWS, COLUMNS), MOVING, np.uint8), RATIO, DT_S)
+    observe_motion(one, np.full((ROWS, COLUMNS), MOVING, np.uint8), RATIO, DT_S)
     assert one.still_s == 0.0
 
 
-def test_a_person_is_confirmed_once() -> None:
+def test_a_person_counts_once_seen_and_moving_for_three_frames() -> None:
     one, moving = person(), np.full((ROWS, COLUMNS), MOVING, np.uint8)
-    one.confirmed, one.hits = False, 3
-    confirmed = [confirm_if_due(one, moving, RATIO, DT_S) for _ in range(6)]
-    assert confirmed == [False, False, True, False, False, False]
+    counts = []
+    for _ in range(4):
+        observe_motion(one, moving, RATIO, DT_S)
+        one.hits += 1
+        counts.append(is_person(one))
+    assert counts == [False, False, True, True]
+
+
+@pytest.mark.parametrize(
+    ("gains", "x", "newcomer_gain", "torn"),
+    [
+        ([1.4] * 20 + [1.4, 1.0, 0.95, 0.95], 185.0, 1.0, True),
+        ([1.4] * 20 + [1.4, 1.4, 1.35, 1.4], 185.0, 1.0, False),
+        ([1.0] * 20 + [1.4] * 4 + [1.4, 1.0, 1.0, 1.0], 185.0, 1.0, False),
+        ([1.4] * 20 + [1.4, 1.0, 0.95, 0.95], 310.0, 1.0, False),
+        ([1.4] * 20 + [0.5, 0.4, 0.3, 0.3], 185.0, 1.0, False),
+        ([1.4] * 20 + [1.4, 1.0, 0.95, 0.95], 185.0, 0.2, False),
+        ([1.4, 1.0, 0.95], 185.0, 1.0, False),
+    ],
+    ids=["pair", "passer-by", "known alone before", "far", "hidden", "newcomer unclear", "too new"],
+)
+def test_a_box_was_a_pair_if_a_newcomer_takes_over_what_it_explained(
+    gains: list[float], x: float, newcomer_gain: float, torn: bool
+) -> None:
+    one, newcomer = person(1), person(2, x=x)
+    one.gains.extend(gains)
+    newcomer.gain = newcomer_gain
+    assert is_torn(one, newcomer) is torn

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heel.services.tracker.boxes.frame import FrameBoxes
 from heel.services.tracker.people.appearance import LOOK_LENGTH, cut_out, describe, distances
 from heel.services.tracker.people.contacts import Contacts
 from heel.services.tracker.people.geometry import FloatArray
 from heel.services.tracker.people.identity import Identity
 from heel.services.tracker.people.looks import Gallery, LookModel, nearest_views
+from heel.services.tracker.people.measured import Measured, Measurement
 from heel.services.tracker.people.track import Track
 from tests.unit.tracker.drawn_detections import BLUE, GREEN, RED, Colours, patch
 
@@ -166,9 +166,9 @@ def doubted(seen: Colours, other: Colours, seconds: float = 4.0) -> Track:
     track.confidence = 0.5
     known = [track, missing]
     for k in range(round(10 * seconds)):
-        frame = FrameBoxes(BOX, np.ones(1), np.ones(1), looks(seen, 1, 500 + k), np.ones(1, bool))
-        identity.reassure([(track, 0)], known, frame, 0.1)
-        identity.learn([(track, 0)], [], (known, []), frame, (0.1 * k, 0.1))
+        one = Measurement(track, BOX[0], BOX[0], look=looks(seen, 1, 500 + k)[0])
+        identity.reassure([one], known, 0.1)
+        identity.learn(Measured([one]), (known, []), (0.1 * k, 0.1))
     return track
 
 
