@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from heel.schemas import EndOfStream, FollowState, Health, MessageError, Tracks, decode, keys
@@ -62,7 +62,15 @@ class Observed:
         for part, state in self.watch.rows(now_s):
             if state == "ok" and part.health.details.get(MISSING):
                 expected |= set(part.health.details[MISSING].split(","))
-        return found + self.watch.missing(expected, now_s)
+        missing = self.watch.missing(expected, now_s)
+        if where.run is None:
+            # Nothing is known of whether it ever ran.
+            missing = [
+                replace(one, words=f"{one.part}: not running, and the robot's stack has it")
+                if one.part in where.stack else one
+                for one in missing
+            ]  # fmt: skip
+        return found + missing
 
     @property
     def page(self) -> str | None:

@@ -181,7 +181,8 @@ def open_session(
                 raise HeelError(
                     f"no Zenoh router at {where} within {settings.connect_timeout_s:g} s, or it "
                     "does not know the user: start one with `heel router`, name another with "
-                    f"--connect, or check user and password ({one_line(error)})"
+                    "--connect, or check user and password; `heel doctor` tells which it is "
+                    f"({one_line(error)})"
                 ) from None
             if not told:
                 log.info("waiting for a router at %s", where)

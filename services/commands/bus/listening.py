@@ -27,6 +27,8 @@ _POLL_S = 0.1
 hand."""
 _LOOK_S = 0.5
 """Seconds between two looks whether the router is there; chosen by hand."""
+_SETTLED_S = 2.0
+"""Seconds after which a session that was opened has told of its router; chosen by hand."""
 _RING = 256
 """Messages that may wait to be looked at; chosen by hand, what is more is counted as missed."""
 
@@ -85,6 +87,7 @@ class Listening:
     away_since_s: float | None = None
     """Monotonic; None while the router is there."""
     _looked_s: float = field(default=float("-inf"))
+    _begun_s: float = field(default_factory=time.monotonic)
 
     def turns(self) -> Iterator[Arrival | None]:
         """Every message, and None now and then while there is none, until the end.
@@ -117,7 +120,7 @@ class Listening:
         there, run = connected(self.session), self.where.run
         if not there and run is not None and is_over(run):
             raise HeelError(f"heel {run.kind} (process {run.pid}) has ended")
-        if there != (self.away_since_s is not None):
+        if there != (self.away_since_s is not None) or now_s - self._begun_s < _SETTLED_S:
             return
         self.away_since_s = None if there else now_s
         if not self.quiet:

@@ -36,8 +36,9 @@ def test_a_service_of_the_stack_that_is_not_heard_is_missing() -> None:
     observed.watch.hear(health("tracker", software_version()), NOW_S)
     assert observed.problems(Where(ZenohSettings(), None), NOW_S) == []
     where = Where(ZenohSettings(), None, ("tracker", "drive"))
-    assert [one.words for one in observed.problems(where, NOW_S)] == ["drive: gone"]
-    assert "\ndrive: gone" in told(observed, where)
+    words = "drive: not running, and the robot's stack has it"
+    assert [one.words for one in observed.problems(where, NOW_S)] == [words]
+    assert f"\n{words}" in told(observed, where)
 
 
 def test_another_version_is_named() -> None:
