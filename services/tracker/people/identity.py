@@ -59,6 +59,10 @@ class Identity:
         """Whether a contact or a newcomer leaves the identity of a track undecided."""
         return self.open(track) or self._verifications.open(track)
 
+    def given_up(self, track: Track) -> None:
+        """The id of a track has been given up for another reason than a newcomer's descriptors."""
+        self._verifications.close(track)
+
     def log_odds(self, tracks: Sequence[Track], boxes: FloatArray, looks: FloatArray) -> FloatArray:
         """Log odds (N, M) that (M, 4) boxes with (M, D) descriptors are of the tracks.
 

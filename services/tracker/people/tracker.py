@@ -272,6 +272,7 @@ class PeopleTracker(Generic[Frame]):
                 left, fresh = other.confidence, self._new_id()
                 self._note_given_up(other.track_id, fresh, "newcomer", left)
                 other.part(fresh, other.gallery, t_s)
+                self._identity.given_up(other)
         for claim in claims:
             if not claim.holds and claim.newcomer.track_id:
                 self._note_claim(claim)

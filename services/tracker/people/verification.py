@@ -114,6 +114,10 @@ class Verifications:
         """Whether a track is in doubt."""
         return id(track) in self._open
 
+    def close(self, track: Track) -> None:
+        """Its id is given up: nothing is left to be verified."""
+        self._open.pop(id(track), None)
+
     def keeps_from_learning(self, track: Track) -> bool:
         """Whether a descriptor may be another person's: it does not fit both galleries."""
         doubt = self._open.get(id(track))
