@@ -73,7 +73,7 @@ _MEASURE_GAIN = 0.45
 by hand."""
 _MEASURE_VISIBILITY = 0.5
 """Mean evidence under the silhouette from which this is so; chosen by hand."""
-_HEIGHT_DEVIATION = 0.12
+_HEIGHT_DEVIATION = 0.1
 """Standard deviation of the logarithm of a measured height: two steps between the heights that are
 tried; chosen by hand."""
 _ASPECT_DEVIATION = 0.05
