@@ -19,11 +19,14 @@ from heel.services.tracker.people.looks import Gallery, LookModel
 from heel.services.tracker.people.track import Track
 from heel.services.tracker.trace import Event, Trace, bounded, probable
 
-_LEAST_LOOKS = 2
+_LEAST_LOOKS = 4
 """Frames with a descriptor before a contact is decided; chosen by hand."""
 _INDEPENDENT = 4.0
 """Descriptors up to which evidence adds up, as those of neighbouring frames are not independent;
 chosen by hand."""
+_MOST_OF_ONE = 4.0
+"""Most log odds of one descriptor: one in some twenty holds pixels of another person or a lamp
+post; chosen by hand."""
 _MOST_PRIOR = 4.0
 """Most log odds that motion alone can give; chosen by hand."""
 _MOST_OPEN = 64
@@ -140,7 +143,8 @@ class Contacts:
             return
         odds = self._looks.compare(contact.galleries, looks[[k for k, _ in seen]])
         for column, (_, own) in enumerate(seen):
-            contact.evidence += float(odds[own, column] - odds[1 - own, column])
+            told = float(odds[own, column] - odds[1 - own, column])
+            contact.evidence += min(max(told, -_MOST_OF_ONE), _MOST_OF_ONE)
         contact.looks += 1
         contact.clear_s += dt_s
 
