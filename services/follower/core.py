@@ -20,14 +20,14 @@ from heel.schemas import (
 )
 from heel.schemas.follow import FollowStateName
 from heel.services.follower.camera_info import implausible
-from heel.services.follower.clearance import Sectors
+from heel.services.follower.clearance import BODY_M, Sectors
 from heel.services.follower.controller import Goal, VelocityController
 from heel.services.follower.freshness import Freshness
 from heel.services.follower.kept import KeptTarget
 from heel.services.follower.moving_picture import PictureWatch
 from heel.services.follower.own_motion import OwnMotion
 from heel.services.follower.people import People
-from heel.services.follower.search import Search
+from heel.services.follower.search import Search, all_around, search_for
 from heel.services.follower.sensors import (
     MAX_ODOMETRY_AGE_S,
     Sensor,
@@ -45,6 +45,15 @@ _MAX_STEP_S = 0.2
 """Seconds that one step of the controller spans at most, however late it comes; chosen by hand."""
 _SEARCH_SWEEP_RAD = 0.6
 """The search looks so far to either side of where the person should be; chosen by hand."""
+
+_WAY_M = 1.5
+"""Way before the robot that obstacles are looked for on in time; chosen by hand."""
+_SLACK_M = 0.1
+"""Of the way to a person that need not be free, beyond their body and the robot's: ranges vary;
+chosen by hand."""
+_IN_VIEW = 0.8
+"""Share of half the camera's view by which the robot heads beside a person, at most; chosen by
+hand: the person stays in the picture."""
 
 
 class Follower:
@@ -66,6 +75,8 @@ class Follower:
         self._picture = PictureWatch()
         self._freshness = Freshness(settings.max_tracks_age_s, settings.confirm_s)
         self._search: Search | None = None
+        self._around: Search | None = None
+        self._asked_s: float | None = None
         self._tracks: Tracks | None = None
         self._tracks_s = -math.inf
         self._tracks_are_new = False
@@ -260,6 +271,7 @@ class Follower:
         """Another person or none: what was known of the old one's sight means nothing."""
         self._forget_sight()
         self._picture.restart()
+        self._around = self._asked_s = None
         self._name = "idle"
 
     def _forget_sight(self) -> None:
@@ -326,9 +338,23 @@ class Follower:
             searching_s=now_s - self._since_s if self._name == "searching" else 0.0,
             looked_everywhere=target.track_id not in self._people.known
             or (self._search is not None and self._search.over),
+            looks_around=self._looks_around(now_s),
             proven=proven,
             stale=None if tracks_age_s is None else self._freshness.judge(now_s, tracks_age_s),
             frozen=self._picture.frozen,
+        )
+
+    def _looks_around(self, now_s: float) -> bool:
+        """Whether to turn round once for the first person, none being in view since asked to."""
+        if self._asked_s is None:
+            self._asked_s = now_s
+        searching_s = now_s - self._since_s if self._name == "searching" else 0.0
+        if self._around is not None and searching_s >= self.settings.search_s:
+            self._around.give_up()
+        return (
+            self.target.mode == "nearest"
+            and now_s - self._asked_s > self.settings.hold_s
+            and not (self._around is not None and self._around.over)
         )
 
     def _enter(self, name: FollowStateName, now_s: float) -> None:
@@ -336,13 +362,18 @@ class Follower:
             self._name, self._since_s, self._search = name, now_s, None
         if name != "searching" or self._search is not None:
             return
-        place = self._people.known[self.target.track_id or 0].filter
-        expected, pose = place.place_at(now_s), self._motion.pose
+        pose = self._motion.pose
+        if self.target.track_id is None:
+            # Where a stop has interrupted it, the turn is gone on with.
+            self._search = self._around = self._around or all_around(pose)
+            return
+        place = self._people.known[self.target.track_id].filter
+        expected = place.place_at(now_s)
         _, sideways = pose.turned(*place.velocity)
         _, left = pose.seen(*expected)
         side = math.copysign(1.0, sideways if abs(sideways) > 0.2 else left)
         last_seen = place.place_at(place.t_s)
-        self._search = Search(pose, expected, last_seen, side, _SEARCH_SWEEP_RAD)
+        self._search = search_for(pose, expected, last_seen, side, _SEARCH_SWEEP_RAD)
 
     def _drive(self, now_s: float, dt_s: float) -> tuple[float, float]:
         """Velocity of the present state: `following` and `occluded` drive, two turn on the spot."""
@@ -369,6 +400,10 @@ class Follower:
         sidestep_rad = self._surroundings.sidestep_rad(
             people, target_id, way, now_s, self.state.linear_mps
         )
+        way_m = min(goal.distance_m - self._surroundings.body_m - BODY_M - _SLACK_M, _WAY_M)
+        most_rad = _IN_VIEW * self._people.half_view_rad
+        sidestep_rad += self._surroundings.detour_rad(goal.bearing_rad, way_m, most_rad)
+        sidestep_rad = min(max(sidestep_rad, -most_rad), most_rad)
         return self._controller.follow(goal, room, sidestep_rad, dt_s, seen)
 
     def _may_be_a_thing(self) -> bool:

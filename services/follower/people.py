@@ -117,6 +117,11 @@ class People:
         """Of the camera that took the newest frame."""
         return self._reader.focal_px
 
+    @property
+    def half_view_rad(self) -> float:
+        """From the middle of the newest frame to its side."""
+        return self._reader.half_view_rad
+
     def observe(self, sectors: Sectors, now_s: float) -> None:
         """Take free distances at their arrival: they also tell how far people are."""
         self._ranges = RangesInTime(sectors, now_s)

@@ -73,6 +73,13 @@ class PlaceReader:
         """Of the camera that took the newest frame."""
         return self._camera.focal_px if self._camera is not None else 1.0
 
+    @property
+    def half_view_rad(self) -> float:
+        """Of that camera, from the middle to a side."""
+        if self._camera is None:
+            return 0.0
+        return math.atan(self._camera.width_px / 2 / self._camera.focal_px)
+
     def look_at(self, tracks: Tracks) -> None:
         """Take the size of a frame's picture; before `read` of its tracks."""
         size = (tracks.width, tracks.height)

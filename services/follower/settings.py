@@ -14,7 +14,8 @@ class FollowerSettings(StrictSettings):
 
     target: Literal["none", "nearest", "imprint"] = Field(
         "none",
-        description="what to follow from the start; people choose with `heel follow`",
+        description="what to follow from the start; people choose with `heel follow`. nearest "
+        "turns round once to find somebody, imprint stands",
     )
     rate_hz: float = Field(
         50.0,

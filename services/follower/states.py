@@ -32,6 +32,7 @@ class Situation:
         unseen_s: since the person was last seen, infinite if never.
         searching_s: since the search began.
         looked_everywhere: whether the search has been everywhere.
+        looks_around: whether to look for the first person, none being in view.
         proven: whether the target is known to be a person at all.
         unreadable: which sensor speaks and cannot be read, in words; "" if none.
         stale: why nothing may rest on the tracks, None if they are fresh.
@@ -50,6 +51,7 @@ class Situation:
     unseen_s: float
     searching_s: float
     looked_everywhere: bool
+    looks_around: bool = False
     proven: bool = True
     unreadable: str = ""
     stale: str | None = None
@@ -78,6 +80,8 @@ def overruled(now: Situation, settings: FollowerSettings) -> Step | None:
     if now.frozen:
         return "stopped", "the picture does not move though the robot does: is the camera frozen?"
     if now.target_id is None:
+        if now.looks_around and settings.search_s > 0:
+            return "searching", "looking around for somebody to follow"
         return "acquiring", now.chosen_reason[:96]
     if not now.proven and now.sight in ("clear", "doubtful"):
         return "acquiring", "no proof yet that this is a person: turning only"

@@ -14,6 +14,8 @@ from heel.services.follower.clearance import (
     room_before_person_m,
     speed_to_stop_within_mps,
 )
+from heel.services.follower.settings import FollowerSettings
+from heel.services.follower.surroundings import Surroundings
 
 BODY = Body(radius_m=0.25, margin_m=0.15)
 
@@ -118,3 +120,22 @@ def test_the_speed_allowed_stops_within_the_room(room_m: float, delay_s: float) 
     speed = speed_to_stop_within_mps(room_m, 1.5, delay_s)
     assert speed * delay_s + speed**2 / (2 * 1.5) == pytest.approx(room_m, abs=1e-9)
     assert speed_to_stop_within_mps(math.inf, 1.5, delay_s) == math.inf
+
+
+def _detour_rad(wall: dict[int, float], bearing_rad: float = 0.0, way_m: float = 1.5) -> float:
+    surroundings = Surroundings(FollowerSettings())
+    surroundings.observe(Sectors(lidar(wall)), 0.0)
+    return surroundings.detour_rad(bearing_rad, way_m, 0.6)
+
+
+def test_a_door_post_before_the_person_is_passed_on_the_free_side() -> None:
+    post = dict.fromkeys(range(5, 25), 1.0)
+    assert -0.5 < _detour_rad(post) <= -0.3
+    assert 0.3 <= _detour_rad({-degree: away for degree, away in post.items()}) < 0.5
+
+
+def test_a_way_that_is_free_or_as_free_as_it_gets_is_not_left() -> None:
+    assert _detour_rad({}) == 0.0
+    assert _detour_rad(dict.fromkeys(range(-180, 180), 2.5)) == 0.0
+    assert _detour_rad(dict.fromkeys(range(-60, 60), 1.0), way_m=0.0) == 0.0
+    assert Surroundings(FollowerSettings()).detour_rad(0.0, 1.5, 0.6) == 0.0, "without ranges"

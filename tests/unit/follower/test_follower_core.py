@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from heel.schemas import HeelError, MotionCommand, TargetRequest, Track, Tracks
+from heel.schemas import HeelError, MotionCommand, Odometry, TargetRequest, Track, Tracks
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
 from heel.services.follower.target import TargetError
@@ -277,12 +277,43 @@ def test_targets_that_are_not_there_are_refused_and_the_old_one_stays(
 def test_nearest_waits_for_somebody_and_then_stays_with_them() -> None:
     made = follower(target="nearest")
     made.observe(tracks(), TRACKER)
-    assert drive(made).state == "acquiring"
+    assert drive(made, 0.5).state == "acquiring"
     made.observe(tracks(person(5, height=FAR)), TRACKER)
     assert drive(made).state == "following"
     made.observe(tracks(person(5, height=FAR), person(6, height=300.0)), TRACKER)
     drive(made)
     assert made.target.track_id == 5
+
+
+def test_where_nobody_is_in_view_the_nearest_is_looked_for_by_one_turn_on_the_spot() -> None:
+    made, turned_rad = follower(target="nearest"), 0.0
+    made.observe(tracks(), TRACKER)
+    for _ in range(900):
+        command = drive(made, 0.0)
+        assert command.linear_mps == 0.0
+        turned_rad += 0.02 * command.angular_radps
+    assert turned_rad == pytest.approx(2 * math.pi, abs=0.5)
+    assert (command.state, is_zero(command)) == ("acquiring", True)
+    assert "waiting for the first person" in command.reason
+    made.choose(TargetRequest(mode="nearest"))
+    assert drive(made).angular_radps > 0, "asked again it looks again"
+
+
+@pytest.mark.parametrize("settings", [{"target": "imprint"}, {"target": "nearest", "search_s": 0}])
+def test_a_robot_that_waits_for_somebody_to_come_before_it_stands(settings: dict[str, Any]) -> None:
+    made = follower(**settings)
+    made.observe(tracks(), TRACKER)
+    assert is_zero(drive(made, 3.0))
+
+
+def test_looking_around_ends_in_time_where_the_wheels_do_not_turn() -> None:
+    made = follower(target="nearest", search_s=3.0)
+    made.observe(tracks(), TRACKER)
+    still = Odometry(seq=0, x_m=0, y_m=0, heading_rad=0, linear_mps=0, angular_radps=0)
+    for step in range(300):
+        made.observe_odometry(still.model_copy(update={"seq": step}), made._now_s or 10.0)
+        command = drive(made, 0.0)
+    assert (command.state, is_zero(command)) == ("acquiring", True)
 
 
 def test_a_replaced_tracker_makes_the_chosen_id_void() -> None:

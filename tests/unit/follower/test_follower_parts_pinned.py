@@ -49,7 +49,7 @@ from heel.services.follower.own_motion import OwnMotion, Pose
 from heel.services.follower.pending import PendingPoint
 from heel.services.follower.people import People, Person
 from heel.services.follower.people_ranges import RangesInTime
-from heel.services.follower.search import Search
+from heel.services.follower.search import search_for
 from heel.services.follower.sensors import Sensors, implausible_odometry, implausible_ranges
 from heel.services.follower.settings import FollowerSettings
 from heel.services.follower.surroundings import Surroundings
@@ -587,7 +587,7 @@ def test_search(pinned: Pinned) -> None:
     """Turned towards each heading in steps, until it counts as reached."""
     rows: dict[str, Row] = {}
     for step_rad in (0.02, 0.05, 0.09, 0.12):
-        search = Search(Pose(), (2.0, 0.5), (2.0, -0.5), 1.0, 0.6)
+        search = search_for(Pose(), (2.0, 0.5), (2.0, -0.5), 1.0, 0.6)
         pose, row = Pose(), cast(Row, [])
         for _ in range(200):
             off_rad = search.bearing_rad(pose)

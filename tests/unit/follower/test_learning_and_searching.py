@@ -11,7 +11,7 @@ from heel.services.follower.learned_ground import LearnedGround
 from heel.services.follower.learned_width import LearnedWidth
 from heel.services.follower.own_motion import Pose
 from heel.services.follower.pending import PendingPoint
-from heel.services.follower.search import Search
+from heel.services.follower.search import all_around, search_for
 from heel.services.follower.swing import Swing
 from tests.unit.follower.people import WIDTH, person, tracks
 
@@ -214,11 +214,18 @@ def test_a_range_that_agreed_counts_for_a_second() -> None:
 
 def test_a_heading_is_reached_within_five_degrees() -> None:
     def left_to_turn(heading_rad: float) -> float:
-        search = Search(Pose(), (5.0, 0.0), (5.0, 0.0), 1.0, 0.6)
+        search = search_for(Pose(), (5.0, 0.0), (5.0, 0.0), 1.0, 0.6)
         return search.bearing_rad(Pose(heading_rad=heading_rad))
 
     assert left_to_turn(-0.12) == pytest.approx(0.12)
     assert left_to_turn(-0.06) > 0.5, "it looks on to the side"
+
+
+def test_looking_around_is_one_turn() -> None:
+    search = all_around(Pose(heading_rad=1.0))
+    assert search.bearing_rad(Pose(heading_rad=1.0)) == pytest.approx(2 * math.pi)
+    search.bearing_rad(Pose(heading_rad=1.0 + 2 * math.pi))
+    assert search.over
 
 
 def _pending() -> PendingPoint:
