@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from heel.services.tracker.appearance.descriptor import DESCRIPTOR_LENGTH, FloatArray
 from heel.services.tracker.appearance.gallery import Gallery, nearest_views
-from heel.services.tracker.appearance.metric import Metric, Samples, learned_metric
+from heel.services.tracker.appearance.metric import Metric, Samples, learned
 
 _PRIOR_SAMPLES = 30.0
 """Weight of the prior distributions [samples]; chosen by hand."""
@@ -21,11 +21,11 @@ _SAME = (0.25, 0.08)
 """Prior mean and standard deviation of distances of one person; chosen by hand."""
 _OTHER = (0.5, 0.12)
 """The same of two people."""
-_MOST_SAMPLES = 768
-"""Differences of each kind that are kept; half a minute of six people. Chosen by hand for time."""
+_MOST_SAMPLES = 512
+"""Differences of each kind that are kept; 20 s of six people. Chosen by hand for time."""
 _SAMPLE_EVERY_S = 0.25
-"""Time between differences that are kept [s]: those of neighbouring frames are alike; chosen by
-hand."""
+"""Time between differences that are kept, once half of those are there [s]: neighbouring frames are
+alike, but at first they are all there is. Chosen by hand."""
 _REFRESH_S = 3.0
 """Time between two metrics [s]; chosen by hand."""
 _LEAST_LOOKS = 3
@@ -62,9 +62,8 @@ class _Differences:
         """Those kept, (N, D)."""
         return self._samples[: min(self._count, _MOST_SAMPLES)]
 
-    def measure(self, metric: Metric) -> None:
-        """Fit the density of lengths in a metric, with the prior worth some samples."""
-        lengths = np.linalg.norm(metric.mapped(self.samples().astype(np.float64)), axis=1)
+    def fit(self, lengths: FloatArray) -> None:
+        """Fit the density to lengths (N,), with the prior worth some samples."""
         mean, spread = self._prior
         weight = _PRIOR_SAMPLES + len(lengths)
         square = (_PRIOR_SAMPLES * (mean**2 + spread**2) + float((lengths**2).sum())) / weight
@@ -113,7 +112,9 @@ class AppearanceModel:
             looks: one of each.
             t_s: time of the frame.
         """
-        if not len(looks) or t_s < self._sampled_s + _SAMPLE_EVERY_S - _EPSILON_S:
+        few = len(self._same.samples()) < _MOST_SAMPLES // 2
+        wait_s = 0.0 if few else _SAMPLE_EVERY_S
+        if not len(looks) or t_s < self._sampled_s + wait_s - _EPSILON_S:
             return
         self._sampled_s = t_s
         nearest = nearest_views(galleries, looks, self.metric)[1]
@@ -129,13 +130,13 @@ class AppearanceModel:
 
     def settle(self, t_s: float) -> None:
         """Learn the metric again, if it is time; no frame's tracks wait for it."""
-        wait_s = 0.0 if self.metric.matrix is None else _REFRESH_S
+        wait_s = 0.0 if self.metric.parts is None else _REFRESH_S
         if t_s < self._refreshed_s + wait_s or self._sampled_s <= self._refreshed_s:
             return
         self._refreshed_s = t_s
-        self.metric = learned_metric(self.metric, self._same.samples(), self._other.samples())
-        for kept in (self._same, self._other):
-            kept.measure(self.metric)
+        self.metric, same, other = learned(self.metric, self._same.samples(), self._other.samples())
+        self._same.fit(same)
+        self._other.fit(other)
 
     def log_odds(self, distance: FloatArray) -> FloatArray:
         """Log odds, same shape as `distance`, in [-`MOST_AGAINST`, `_MOST`]."""
