@@ -1,7 +1,8 @@
 """Detector and tracker, milliseconds a frame on one core, decoding left out.
 
-`tracks after` is how long a frame's tracks take in the tracker; `looks after` is what is done once
-they are sent: looks, identities, the scene's scale. Without that step tracks would take both.
+`tracks after` is how long a frame's tracks take in the tracker; `learned after` is what is done
+once they are sent: the scene's scale and the metric of appearance. Without that step tracks would
+take both.
 
 Example run: python -m benchmarks.speed --write docs/records/results.md
 """
@@ -32,7 +33,7 @@ from heel.services.tracker.core import warm_up
 from heel.services.tracker.settings import TrackerSettings
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-STEPS = ("detector", "tracks after", "looks after", "detector + tracker")
+STEPS = ("detector", "tracks after", "learned after", "detector + tracker")
 _BUDGET_MS = 15.0
 
 

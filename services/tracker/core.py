@@ -21,8 +21,8 @@ from heel.services.tracker.trace import Changes, Event, Trace
 _log = logging.getLogger(__name__)
 
 Method = BlobTracker | EvidenceTracker | DetectedPeople | SoughtTracker
-_NAMES: dict[type, Literal["fitted", "paper", "boxes", "pointed-at"]] = {
-    BlobTracker: "paper", EvidenceTracker: "fitted", DetectedPeople: "boxes",
+_NAMES: dict[type, Literal["evidence", "paper", "boxes", "pointed-at"]] = {
+    BlobTracker: "paper", EvidenceTracker: "evidence", DetectedPeople: "boxes",
     SoughtTracker: "pointed-at",
 }  # fmt: skip
 

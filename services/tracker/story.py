@@ -19,7 +19,7 @@ _INPUTS = {
     "pointed-at": "the detector looks for the person that was pointed at",
 }
 _METHODS = {
-    "fitted": "silhouettes are fitted to them, and colours decide which person is which",
+    "evidence": "silhouettes are fitted to them, and colours decide which person is which",
     "paper": "the published method tracks them",
     "boxes": "motion and colours decide which person is which",
     "pointed-at": "the id stays on whatever it finds, and the detector's score is the confidence",
@@ -79,7 +79,7 @@ def sentence(event: Event) -> str:
 
 
 def _input(event: Event) -> str:
-    return f"{_INPUTS[event.input or 'foreground']}; {_METHODS[event.method or 'fitted']}"
+    return f"{_INPUTS[event.input or 'foreground']}; {_METHODS[event.method or 'evidence']}"
 
 
 def _unseen(event: Event) -> str:

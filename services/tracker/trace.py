@@ -76,7 +76,7 @@ class Event:
     before_log_odds: LogOdds | None = None
     split_log_odds: LogOdds | None = None
     input: Input | None = None
-    method: Literal["fitted", "paper", "boxes", "pointed-at"] | None = None
+    method: Literal["evidence", "paper", "boxes", "pointed-at"] | None = None
     frame: _Count = 0
     t_s: float = 0.0
 

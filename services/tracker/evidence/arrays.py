@@ -1,4 +1,4 @@
-"""Names for the arrays that the fitted tracker passes around."""
+"""Names for the arrays of the evidence front end."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ def test_the_first_event_says_what_the_detector_sends() -> None:
     found = {name: played(name)[0][0] for name in ("crossing", "silhouettes", "pointed-at")}
     assert {name: (one.kind, one.input, one.method) for name, one in found.items()} == {
         "crossing": ("input", "people", "boxes"),
-        "silhouettes": ("input", "foreground", "fitted"),
+        "silhouettes": ("input", "foreground", "evidence"),
         "pointed-at": ("input", "pointed-at", "pointed-at"),
     }
 
