@@ -26,10 +26,12 @@ _MOST_ALIKE = 3.0
 """Most log odds that descriptors give for one person against another; chosen by hand."""
 _CROWD = 0.5
 """Share of its weight that a descriptor loses if its box is wholly overlapped; chosen by hand."""
-_ALIKE = 0.05
-"""Odds that a person that is back is another missing person of the same colours; chosen by hand."""
-_ALIKE_AT_EDGE = 0.4
-"""The same odds at the edge of the picture, where people come in; chosen by hand."""
+_ALIKE = 0.005
+"""Odds that a person that is back is another missing person of the same colours, in spite of its
+place: on recordings next to none was, even where colours fitted the other better by
+`_MOST_ALIKE`."""
+_ALIKE_AT_EDGE = 0.05
+"""The same odds at the edge of the picture, where people come in; from recordings, too."""
 CLEAR = 0.25
 """Covered or shared part of a box up to which the person is seen alone; chosen by hand."""
 

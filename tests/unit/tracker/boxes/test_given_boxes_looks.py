@@ -146,8 +146,8 @@ def test_both_are_in_doubt_while_a_contact_is_open() -> None:
     [
         (None, True, 1.0, 1.0),
         (GREEN, True, 0.95, 1.0),
-        (ALMOST_RED, True, 0.3, 0.8),
-        (ALMOST_RED, False, 0.8, 0.97),
+        (ALMOST_RED, True, 0.85, 0.97),
+        (ALMOST_RED, False, 0.98, 1.0),
     ],
 )
 def test_who_is_back_may_be_a_missing_person_of_the_same_look(
