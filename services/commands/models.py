@@ -5,18 +5,18 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 
 from heel.schemas.errors import HeelError
 from heel.services.models import store
 from heel.services.models.catalogue import KNOWN, KnownModel
-from heel.services.models.download import Progress as Told
 from heel.services.models.measured import measured
 from heel.services.runtime.logs import printable
+
+if TYPE_CHECKING:
+    from heel.services.models.download import Progress as Told
 
 app = typer.Typer(
     help="Networks that see people: list them, get one by name, and every command uses it.",
@@ -117,6 +117,15 @@ def check() -> None:
 @contextmanager
 def _bar(model: KnownModel) -> Iterator[Told]:
     """A bar on a terminal; elsewhere nothing."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        DownloadColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(),
                TimeRemainingColumn())  # fmt: skip

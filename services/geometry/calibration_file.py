@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 import tomllib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from heel.schemas import SettingsError
-from heel.services.geometry.calibrate import MountEstimate
 from heel.services.geometry.town_centre import mounting_of
+
+if TYPE_CHECKING:
+    # SciPy's fitting takes longer to load than a camera takes to open.
+    from heel.services.geometry.calibrate import MountEstimate
 
 
 class _Strict(BaseModel):

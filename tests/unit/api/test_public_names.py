@@ -84,6 +84,17 @@ def test_messages_load_neither_opencv_nor_the_bus() -> None:
     assert not loaded & {"cv2", "scipy", "zenoh", "av", "typer", "aiohttp"}
 
 
+def test_commands_and_cameras_load_nothing_that_they_do_not_use() -> None:
+    """Fits, downloads and tables take longer to load than most commands take to run."""
+    loaded = _python(
+        "import sys, heel.services.cli; print(*sys.modules); "
+        "import heel.services.capture.service; print(*sys.modules)"
+    )
+    commands, cameras = map(set, map(str.split, loaded.splitlines()))
+    assert not commands & {"scipy", "aiohttp", "rich", "matplotlib"}
+    assert not cameras & {"scipy", "aiohttp", "matplotlib"}
+
+
 def test_a_program_that_imports_heel_keeps_its_environment() -> None:
     """Threads of its own arithmetic, above all; OpenCV adds to LD_LIBRARY_PATH."""
     code = "import os; before = {*os.environ.items()}; import heel; heel.open; "
@@ -101,5 +112,8 @@ def test_every_process_takes_one_blas_thread_before_numpy_is_loaded(entry: Path)
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("heel")
     ]  # fmt: skip
     assert imports[0] == "from heel.services.runtime import one_blas_thread"
+
+
+def test_taking_one_blas_thread_loads_no_numpy() -> None:
     loaded = _python("import sys, heel.services.runtime.one_blas_thread; print(*sys.modules)")
     assert "numpy" not in loaded.split()
