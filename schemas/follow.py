@@ -57,7 +57,10 @@ class TargetRequest(Message):
 
     mode: TargetMode = Field(description="how the target is chosen; none: nobody is to be followed")
     track_id: PersonId | None = Field(default=None, description="mode id: of whom")
-    x_px: Real | None = Field(default=None, description="mode point: in pixels of the frame")
+    x_px: Real | None = Field(
+        default=None,
+        description="mode point: in pixels of the frame; mode id: where the user clicked, if so",
+    )
     y_px: Real | None = Field(default=None, description="likewise, down")
     tracker: Producer | None = Field(
         default=None,

@@ -12,6 +12,10 @@ from heel.services.geometry.boxes import cover_of_smaller
 _TWO_PEOPLE = 0.5
 """Share of the smaller of two boxes that the other covers, from which a click can mean either."""
 
+NEWCOMER_S = 1.0
+"""Age of a newcomer [s] up to which the tracker may still find that the id is on it; chosen by
+hand."""
+
 
 def seen_well(tracks: Tracks) -> list[Track]:
     """The tracks that are confirmed and seen in this frame."""
@@ -53,6 +57,39 @@ def companion(chosen: Track, tracks: Tracks) -> Track | None:
         if behind or cover_of_smaller(chosen.box_xyxy, other.box_xyxy) >= _TWO_PEOPLE:
             return other
     return None
+
+
+class Newcomers:
+    """Tracks that came forth from the box of another one a moment ago."""
+
+    def __init__(self) -> None:
+        self._first: dict[int, tuple[int, tuple[int, ...]]] = {}
+        """By id: capture time of the first frame [ns], and the older tracks it began beside."""
+
+    def clear(self) -> None:
+        """The ids are those of other people from now on."""
+        self._first.clear()
+
+    def observe(self, tracks: Tracks) -> None:
+        """Take a frame's tracks."""
+        now_ns = tracks.t_capture_ns
+        before = {t.id: t for t in tracks.tracks if t.id in self._first}
+        self._first = {
+            track.id: self._first.get(track.id) or (now_ns, tuple(
+                other.id for other in before.values()
+                if cover_of_smaller(track.box_xyxy, other.box_xyxy) > 0.0
+            ))
+            for track in tracks.tracks
+        }  # fmt: skip
+
+    def of(self, chosen: Track, tracks: Tracks) -> Track | None:
+        """A track that came forth from the chosen one's box within the last second."""
+        for other in tracks.tracks:
+            first_ns, beside = self._first.get(other.id, (0, ()))
+            young = tracks.t_capture_ns - first_ns < NEWCOMER_S * 1e9
+            if chosen.id in beside and young and other.shown:
+                return other
+        return None
 
 
 class Imprinting:

@@ -177,8 +177,8 @@ class Follower:
         some seconds is chosen, and until then the target has no id.
 
         Raises:
-            TargetError: the id is unknown or another tracker's, the box there stands on two
-                people, or what is seen is too old to choose from.
+            TargetError: the id is unknown or another tracker's, or what is seen is too old to
+                choose from.
         """
         now_s = self._now_s or 0.0
         age_s = 0.0 if self._tracks_are_new else now_s - self._tracks_s
@@ -339,6 +339,7 @@ class Follower:
             looked_everywhere=target.track_id not in self._people.known
             or (self._search is not None and self._search.over),
             looks_around=self._looks_around(now_s),
+            undecided=target.reason if self._choice.provisional is not None else "",
             proven=proven,
             stale=None if tracks_age_s is None else self._freshness.judge(now_s, tracks_age_s),
             frozen=self._picture.frozen,

@@ -1,8 +1,8 @@
 """The follower's states: one function each, from the situation to the next state and its reason.
 
 What overrules every state stands in `overruled`, in order: emergency stop, a sensor that cannot be
-read, a blind range sensor, no target chosen, nothing seen yet, stale tracks, a target that may be a
-thing.
+read, a blind range sensor, no target chosen, nothing seen yet, stale tracks, a choice that may mean
+either of two, a target that may be a thing.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ class Situation:
         searching_s: since the search began.
         looked_everywhere: whether the search has been everywhere.
         looks_around: whether to look for the first person, none being in view.
+        undecided: which two the choice may mean, in words; "" once that is clear.
         proven: whether the target is known to be a person at all.
         unreadable: which sensor speaks and cannot be read, in words; "" if none.
         stale: why nothing may rest on the tracks, None if they are fresh.
@@ -52,6 +53,7 @@ class Situation:
     searching_s: float
     looked_everywhere: bool
     looks_around: bool = False
+    undecided: str = ""
     proven: bool = True
     unreadable: str = ""
     stale: str | None = None
@@ -83,6 +85,8 @@ def overruled(now: Situation, settings: FollowerSettings) -> Step | None:
         if now.looks_around and settings.search_s > 0:
             return "searching", "looking around for somebody to follow"
         return "acquiring", now.chosen_reason[:96]
+    if now.undecided:
+        return "unsure", now.undecided[:96]
     if not now.proven and now.sight in ("clear", "doubtful"):
         return "acquiring", "no proof yet that this is a person: turning only"
     return None

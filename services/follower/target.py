@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from heel.schemas import HeelError, Target, TargetRequest, Track, Tracks
-from heel.services.follower.choosing import Imprinting, at_point, companion, nearest
+from heel.schemas.base import Point
+from heel.services.follower.choosing import Imprinting, Newcomers, at_point, companion, nearest
 from heel.services.follower.kept import KeptTarget, Scene
 from heel.services.follower.pending import PendingPoint
 from heel.services.follower.people import Person
+from heel.services.follower.provisional import Provisional
 from heel.services.follower.settings import FollowerSettings
 from heel.services.runtime.streams import FORMER_S
 
@@ -31,6 +33,7 @@ class TargetChoice:
     Attributes:
         target: the person chosen or waited for.
         pending: where a person that was pointed at is looked for, if anywhere.
+        provisional: the two that were meant, until one of them is; None once that is clear.
     """
 
     def __init__(self, settings: FollowerSettings) -> None:
@@ -44,6 +47,8 @@ class TargetChoice:
             "none": "no target",
         }
         self._max_age_s = max(settings.max_tracks_age_s, _CHOICE_AGE_S)
+        self._sure_from = settings.resume_identity_confidence
+        self._newcomers = Newcomers()
         self._tracker: str | None = None
         self._scene: Scene | None = None
         self._left: KeptTarget | None = None
@@ -51,6 +56,7 @@ class TargetChoice:
         self._interrupted: tuple[KeptTarget, int] | None = None
         """The person followed when another tracker took over, and when, by the camera's clock."""
         self.pending: PendingPoint | None = None
+        self.provisional: Provisional | None = None
         self.target = Target(seq=0, mode=settings.target, reason=self._waiting[settings.target])
 
     def restore(self, kept: KeptTarget) -> None:
@@ -60,6 +66,8 @@ class TargetChoice:
     @property
     def kept(self) -> KeptTarget | None:
         """What the next follower has to know to go on; None if no person is chosen."""
+        if self.provisional is not None:
+            return None
         if self.target.track_id is None or self._scene is None:
             return self._left
         return KeptTarget(target=self.target, scene=self._scene)
@@ -70,6 +78,9 @@ class TargetChoice:
         before_tracker, before_scene = self._tracker, self._scene
         kept, seen_ns = self.kept, self._seen_ns
         self._tracker, self._scene, self._seen_ns = tracker, scene, tracks.t_capture_ns
+        if (before_tracker, before_scene) != (tracker, scene):
+            self._newcomers.clear()
+        self._newcomers.observe(tracks)
         if before_tracker is None or before_scene is None:
             self._go_on()
             return False
@@ -101,8 +112,8 @@ class TargetChoice:
             now_s: the present.
 
         Raises:
-            TargetError: the id is unknown or another tracker's, the box there stands on two
-                people, or what is seen is too old to choose from.
+            TargetError: the id is unknown or another tracker's, or what is seen is too old to
+                choose from.
         """
         before = self.target.track_id
         if request.mode == "id":
@@ -119,24 +130,40 @@ class TargetChoice:
         return self.target.track_id is None or self.target.track_id != before
 
     def settle(self, tracks: Tracks, seen: Iterable[Person], t_s: float) -> bool:
-        """Pick the person waited for, if there; returns whether one was picked.
+        """Pick the person waited for, if there; returns whether another one, or none, is chosen.
 
         Args:
             tracks: the newest frame.
             seen: people seen well in it, with their places.
             t_s: its time.
         """
+        if self.provisional is not None:
+            return self._decide(self.provisional, tracks, t_s)
         if self.target.track_id is not None:
             return False
         if self.pending is not None and (found := self.pending.found(tracks, t_s)) is not None:
-            self._set("point", found.id, f"found where you pointed{_two_people(found, tracks)}")
+            self._choose_track("point", found, tracks, t_s, "found where you pointed",
+                               self.pending.place_px)  # fmt: skip
         elif self.target.mode == "nearest" and (first := nearest(tracks)) is not None:
-            self._set("nearest", first.id, f"the nearest person{_two_people(first, tracks)}")
+            self._choose_nearest(first, tracks, "the nearest person")
         elif self.target.mode == "imprint":
             stood = self._imprinting.update(seen, t_s)
             if stood is not None:
                 self._set("imprint", stood, "stood before the robot")
         return self.target.track_id is not None
+
+    def _decide(self, open_choice: Provisional, tracks: Tracks, t_s: float) -> bool:
+        meant, before, mode = open_choice.decided(tracks, t_s), open_choice.ids[0], self.target.mode
+        if meant is None:
+            return False
+        first, second = open_choice.ids
+        if not meant:
+            self._set("none", None, f"not clear which of {first} and {second} was meant: choose "
+                      "again")  # fmt: skip
+            return True
+        other = second if meant == first else first
+        self._set(mode, meant, f"chosen: the one pointed at, now that {other} is apart")
+        return meant != before
 
     def give_up(self, now_s: float) -> None:
         """Look no longer at a point where no person was found for a while."""
@@ -163,8 +190,13 @@ class TargetChoice:
         track = self._requested(request, tracks)
         if track is None or tracks is None:
             self._set(request.mode, None, self._waiting["nearest"])
+        elif request.mode == "nearest":
+            self._choose_nearest(track, tracks, "chosen")
         else:
-            self._set(request.mode, track.id, f"chosen{_two_people(track, tracks)}")
+            point = None if request.x_px is None or request.y_px is None else (
+                request.x_px, request.y_px
+            )  # fmt: skip
+            self._choose_track("id", track, tracks, now_s, "chosen", point)
 
     def _choose_point(self, x_px: float, y_px: float, tracks: Tracks | None, now_s: float) -> None:
         if tracks is None:
@@ -179,13 +211,36 @@ class TargetChoice:
             self._set("point", None, "looking for somebody there")
             self.pending = PendingPoint(x_px, y_px, tracks, now_s)
             return
-        other = companion(track, tracks)
-        if other is not None and track.state == "occluded":
-            raise TargetError(
-                f"the box there covers two people, {track.id} and {other.id}: choose again when "
-                "they have parted"
-            )
-        self._set("point", track.id, f"chosen{_two_people(track, tracks)}")
+        self._choose_track("point", track, tracks, now_s, "chosen", (x_px, y_px))
+
+    def _choose_track(
+        self, mode: str, track: Track, tracks: Tracks, t_s: float, reason: str,
+        point_px: Point | None,
+    ) -> None:  # fmt: skip
+        """Choose a track, for good or until it is clear which of two it is."""
+        together = companion(track, tracks)
+        other = together or self._newcomers.of(track, tracks)
+        if other is not None:
+            open_choice = Provisional(track, other, point_px, t_s, together is None)
+            self._set(mode, track.id, open_choice.words)
+            self.provisional = open_choice
+        elif track.proven and track.identity_confidence < self._sure_from:
+            sure = f"{100 * track.identity_confidence:.0f} % sure"
+            self._set(mode, track.id, f"{reason} while only {sure} who it is: the robot waits "
+                      "until that is clear")  # fmt: skip
+        else:
+            self._set(mode, track.id, reason)
+
+    def _choose_nearest(self, first: Track, tracks: Tracks, reason: str) -> None:
+        other = companion(first, tracks)
+        if other is None:
+            self._set("nearest", first.id, reason)
+            return
+        waiting = (
+            f"the nearest box covers two people, {first.id} and {other.id}: waiting until they part"
+        )
+        if (self.target.mode, self.target.reason) != ("nearest", waiting):
+            self._set("nearest", None, waiting)
 
     def _requested(self, request: TargetRequest, tracks: Tracks | None) -> Track | None:
         if request.mode == "nearest":
@@ -227,18 +282,8 @@ class TargetChoice:
             self._set("none", None, reason)
 
     def _set(self, mode: str, track_id: int | None, reason: str) -> None:
-        self.pending = self._left = self._interrupted = None
+        self.pending = self.provisional = self._left = self._interrupted = None
         self.target = Target.model_validate(
             {"seq": self.target.seq + 1, "mode": mode, "track_id": track_id, "reason": reason,
              "tracker": self._tracker if track_id is not None else None}
         )  # fmt: skip
-
-
-def _two_people(track: Track, tracks: Tracks) -> str:
-    other = companion(track, tracks)
-    if other is None:
-        return ""
-    return (
-        f", but this box covers two people, {track.id} and {other.id}: choose again when they "
-        "have parted"
-    )

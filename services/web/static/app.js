@@ -59,16 +59,18 @@ async function choose(request) {
   try {
     const target = await post("/api/target", request);
     const awaited = { nearest: "Following the next person in sight", point: "Looking for somebody there" };
-    panel.toast(target.track_id ? `Following person ${target.track_id}` : awaited[target.mode] ?? "Following nobody");
+    if (target.track_id && /^not sure| % sure/.test(target.reason)) panel.toast(target.reason, "calm");
+    else panel.toast(target.track_id ? `Following person ${target.track_id}` : awaited[target.mode] ?? "Following nobody");
   } catch (error) {
     picture.answered();
     panel.toast(error.message, "bad");
   }
 }
 
-function followPerson(person) {
-  // The tracker's name goes along, so that 7 cannot mean another 7 after a restart.
-  choose({ mode: "id", track_id: person.id, tracker: person.tracker ?? picture.header.tracker });
+function followPerson(person, point = {}) {
+  // The tracker's name goes along, so that 7 cannot mean another 7 after a restart; and the point,
+  // as it decides which of two is meant if they are in one box.
+  choose({ mode: "id", track_id: person.id, tracker: person.tracker ?? picture.header.tracker, ...point });
 }
 
 // A stop is tried again until the service has it; a resume ends that.
@@ -107,7 +109,7 @@ picture.canvas.addEventListener("click", (event) => {
   const [x, y] = picture.locate(event);
   const person = picture.personAt(x, y);
   if (person) {
-    followPerson(person);
+    followPerson(person, { x_px: x, y_px: y });
     return;
   }
   picture.expect(x, y);

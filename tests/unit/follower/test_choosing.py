@@ -200,27 +200,123 @@ BEHIND = person(2, x=330, state="occluded", occluded_by=(1,))
 
 
 @pytest.mark.parametrize(
-    ("people", "request_"),
+    ("people", "request_", "chosen"),
     [
-        ((person(1), BEHIND), TargetRequest(mode="id", track_id=2)),
-        ((person(1), person(2, x=340)), TargetRequest(mode="point", x_px=310, y_px=300)),
-        ((person(1), person(2, x=340, height=190.0)), TargetRequest(mode="nearest")),
+        ((person(1), BEHIND), TargetRequest(mode="id", track_id=2), 2),
+        ((person(1), BEHIND), TargetRequest(mode="point", x_px=331, y_px=300), 2),
+        ((person(1), person(2, x=340)), TargetRequest(mode="point", x_px=310, y_px=300), 1),
     ],
-    ids=["hidden", "overlap", "nearest"],
+    ids=["hidden", "hidden in a group", "overlap"],
 )
-def test_a_box_on_two_people_is_said_to_be_so(
-    people: tuple[Track, ...], request_: TargetRequest
+def test_a_choice_on_a_box_of_two_people_waits_and_says_so(
+    people: tuple[Track, ...], request_: TargetRequest, chosen: int
 ) -> None:
     watching = Watching(*people)
-    reason = watching.follower.choose(request_).reason
-    assert "covers two people" in reason
-    assert "choose again when they have parted" in reason
+    target = watching.follower.choose(request_)
+    other = 3 - chosen
+    words = f"not sure which of two, {chosen} and {other}: waiting until they part"
+    assert (target.track_id, target.reason) == (chosen, words)
+    assert watching.follower.kept is None, "the next follower could not tell, either"
+    watching.see(*people, frames=100)
+    state = watching.follower.state
+    assert (state.state, state.reason) == ("unsure", words)
+    assert (state.linear_mps, state.angular_radps) == (0.0, 0.0)
 
 
-def test_a_click_on_somebody_hidden_in_a_group_is_refused() -> None:
-    watching = Watching(person(1), BEHIND)
-    with pytest.raises(TargetError, match="covers two people, 2 and 1"):
-        watching.follower.choose(TargetRequest(mode="point", x_px=331, y_px=300))
+TOGETHER = (person(1), person(2, x=340))
+CLICK_ON_ONE = TargetRequest(mode="point", x_px=300.0, y_px=300.0)
+
+
+@pytest.mark.parametrize(
+    ("apart", "meant"),
+    [
+        ((person(1, x=310), person(2, x=400)), 1),
+        ((person(2, x=310), person(1, x=400)), 2),
+        ((person(1, x=310),), 1),
+        ((person(2, x=310),), 2),
+    ],
+    ids=["stayed", "ids exchanged", "the other is gone", "the id is gone"],
+)
+def test_what_was_pointed_at_decides_once_they_have_parted(
+    apart: tuple[Track, ...], meant: int
+) -> None:
+    watching = Watching(*TOGETHER)
+    watching.follower.choose(CLICK_ON_ONE)
+    watching.see(*TOGETHER, frames=20)
+    watching.see(*apart, frames=20)
+    assert watching.chosen == ("point", meant)
+    assert "the one pointed at" in watching.follower.target.reason
+    assert watching.follower.state.state == "following"
+
+
+def test_the_point_goes_along_with_the_box() -> None:
+    watching = Watching(*TOGETHER)
+    watching.follower.choose(CLICK_ON_ONE)
+    for step in range(1, 41):
+        watching.see(person(1, x=320 - 5 * step), person(2, x=340 - 5 * step))
+    watching.see(person(1, x=115), person(2, x=230), frames=20)
+    assert watching.chosen == ("point", 1)
+
+
+def test_of_whom_the_point_tells_nothing_it_is_asked_again() -> None:
+    watching = Watching(*TOGETHER)
+    watching.follower.choose(CLICK_ON_ONE)
+    watching.see(person(1, x=150), person(2, x=500), frames=20)
+    state = watching.follower.state
+    assert watching.chosen == ("none", None)
+    assert state.reason == "not clear which of 1 and 2 was meant: choose again"
+    assert state.state == "idle"
+
+
+def test_two_who_do_not_part_are_asked_about_in_the_end() -> None:
+    watching = Watching(*TOGETHER)
+    watching.follower.choose(CLICK_ON_ONE)
+    watching.see(*TOGETHER, frames=260)
+    assert watching.chosen == ("none", None)
+
+
+def test_a_flicker_of_a_second_box_decides_nothing() -> None:
+    watching = Watching(*TOGETHER)
+    watching.follower.choose(CLICK_ON_ONE)
+    for _ in range(5):
+        watching.see(person(1, x=310), person(2, x=400), frames=4)
+        watching.see(*TOGETHER, frames=4)
+    assert watching.follower.target.reason.startswith("not sure which of two")
+
+
+def test_after_a_newcomer_has_come_forth_the_place_pointed_at_counts_not_the_id() -> None:
+    watching = Watching(person(1))
+    watching.see(person(1), frames=50)
+    watching.see(person(1), person(2, x=390), frames=2)
+    target = watching.follower.choose(TargetRequest(mode="id", track_id=1, x_px=320, y_px=300))
+    assert target.reason.startswith("not sure which of two, 1 and 2")
+    watching.see(person(1), person(2, x=390), frames=10)
+    watching.see(person(2), person(1, x=390), frames=30)
+    assert watching.chosen == ("id", 2), "the tracker has found that the id was the other's"
+
+
+def test_long_after_a_newcomer_came_forth_a_choice_is_one() -> None:
+    watching = Watching(person(1))
+    watching.see(person(1), person(2, x=390), frames=50)
+    assert watching.follower.choose(TargetRequest(mode="id", track_id=1)).reason == "chosen"
+
+
+def test_a_choice_of_a_track_that_is_unsure_says_so() -> None:
+    watching = Watching(person(1, identity_confidence=0.42))
+    target = watching.follower.choose(TargetRequest(mode="id", track_id=1))
+    assert target.reason.startswith("chosen while only 42 % sure who it is")
+    watching.see(person(1, identity_confidence=0.42), frames=20)
+    assert watching.follower.state.state == "unsure"
+
+
+def test_the_nearest_is_waited_for_while_its_box_stands_on_two() -> None:
+    watching = Watching(person(1), person(2, x=340, height=190.0))
+    target = watching.follower.choose(TargetRequest(mode="nearest"))
+    assert (target.track_id, target.reason) == (
+        None, "the nearest box covers two people, 1 and 2: waiting until they part",
+    )  # fmt: skip
+    watching.see(person(1), person(2, x=420, height=190.0), frames=10)
+    assert watching.chosen == ("nearest", 1)
 
 
 def test_people_beside_each_other_are_just_chosen() -> None:
@@ -230,7 +326,7 @@ def test_people_beside_each_other_are_just_chosen() -> None:
 
 
 def restarted(**changes: int) -> Tracks:
-    return tracks(person(1), person(2)).model_copy(update=changes)
+    return tracks(person(1), person(2, x=500)).model_copy(update=changes)
 
 
 @pytest.mark.parametrize(
