@@ -15,11 +15,11 @@ from heel.schemas.frame import CameraInfo, EndOfStream, FrameId, Header, Progres
 from heel.schemas.health import Health
 from heel.schemas.robot import DriveState, Odometry, Ranges, RangeSector
 from heel.schemas.simulation import Pose, SimObstacle, SimPerson, SimTruth, SimWorld
-from heel.schemas.tracks import Track, Tracks
+from heel.schemas.tracks import Track, TrackEvent, Tracks
 
 MESSAGES: tuple[type[Message], ...] = (
-    Header, Stamp, Taken, CameraInfo, Blobs, Tracks, MotionCommand, TargetRequest, Target, Pointed,
-    EStop, FollowState, Odometry, Ranges, DriveState, SimTruth, SimWorld, Health,
+    Header, Stamp, Taken, CameraInfo, Blobs, Tracks, TrackEvent, MotionCommand, TargetRequest,
+    Target, Pointed, EStop, FollowState, Odometry, Ranges, DriveState, SimTruth, SimWorld, Health,
     EndOfStream, Progress,
 )  # fmt: skip
 """Every message type, in the order of the documentation."""
@@ -29,6 +29,6 @@ __all__ = [
     "Evidence", "FollowState", "FrameId", "Header", "Health", "HeelError", "KeyNameError",
     "Message", "MessageError", "MotionCommand", "Odometry", "Patch", "Pointed", "Pose", "Progress",
     "RangeSector", "Ranges", "SettingsError", "SimObstacle", "SimPerson", "SimTruth", "SimWorld",
-    "SourceError", "Stamp", "Taken", "Target", "TargetRequest", "Track", "Tracks", "decode",
-    "encode",
+    "SourceError", "Stamp", "Taken", "Target", "TargetRequest", "Track", "TrackEvent",
+    "Tracks", "decode", "encode",
 ]  # fmt: skip

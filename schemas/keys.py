@@ -32,6 +32,7 @@ TOPICS = {
     "info": "cam/*/info",
     "blobs": "cam/*/blobs",
     "tracks": ALL_TRACKS,
+    "events": "cam/*/events",
     "progress": "cam/*/progress/*",
     "command": FOLLOW_COMMAND,
     "state": FOLLOW_STATE,
@@ -85,6 +86,11 @@ def blobs(camera: str) -> str:
 def tracks(camera: str) -> str:
     """`Tracks`, one per frame, also when empty."""
     return f"cam/{chunk(camera, 'camera')}/tracks"
+
+
+def events(camera: str) -> str:
+    """`TrackEvent`, whenever the tracker finds out something about an identity."""
+    return f"cam/{chunk(camera, 'camera')}/events"
 
 
 def progress(camera: str, consumer: str) -> str:

@@ -114,3 +114,21 @@ class Tracks(FrameId, Message):
         default=None,
         description="as the detector tells it, the identity where it stood still; none: not told",
     )
+
+
+class TrackEvent(Message):
+    """What a tracker found out about an identity, in words. A few a second at most."""
+
+    schema_name: ClassVar[str] = "event"
+    max_bytes: ClassVar[int] = 1024
+
+    frame: FrameId = Field(description="in which it was found out")
+    kind: Annotated[str, Field(strict=True, min_length=1, max_length=32)] = Field(
+        description="what happened, in a word or two; as in a trace"
+    )
+    ids: Annotated[tuple[PersonId, ...], Field(min_length=1, max_length=2), FailFast()] = Field(
+        description="of the tracks that it is about"
+    )
+    text: Annotated[str, Field(strict=True, max_length=300)] = Field(
+        description="the same as a sentence, without a full stop"
+    )

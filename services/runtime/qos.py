@@ -37,6 +37,7 @@ from heel.schemas import (
     SimWorld,
     Taken,
     Target,
+    TrackEvent,
     Tracks,
 )
 from heel.schemas.image import MAX_IMAGE_BYTES
@@ -95,12 +96,13 @@ RANGES = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Ranges.max_bytes)
 DRIVE = TopicQos(_P.REAL_TIME, _DROP, True, 1, DriveState.max_bytes)
 SIM_TRUTH = TopicQos(_P.DATA, _DROP, False, 2, SimTruth.max_bytes)
 SIM_WORLD = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 2, SimWorld.max_bytes)
+EVENTS = TopicQos(_P.DATA, _DROP, False, 16, TrackEvent.max_bytes)
 HEALTH = TopicQos(_P.DATA, _DROP, False, 64, Health.max_bytes)
 """Ahead of images: a service must not look silent because its link is full of pictures."""
 
 _CONTROL_KEYS = ("**/follow/estop", "**/follow/state", "**/follow/target", "**/follow/pointed",
-                 "**/cam/*/info", "**/cam/*/taken", "**/robot/*", "**/sim/*",
-                 "**/svc/**")  # fmt: skip
+                 "**/cam/*/info", "**/cam/*/taken", "**/cam/*/events", "**/robot/*",
+                 "**/sim/*", "**/svc/**")  # fmt: skip
 ROUTER_RULES: list[dict[str, object]] = [
     {
         "id": "live frames",

@@ -18,6 +18,8 @@ from heel.schemas import (
     Health,
     MessageError,
     MotionCommand,
+    Stamp,
+    TrackEvent,
     Tracks,
     decode,
     keys,
@@ -89,6 +91,7 @@ class WebService:
         inbox.subscribe("state", keys.FOLLOW_STATE, qos.STATE)
         inbox.subscribe("command", keys.FOLLOW_COMMAND, qos.COMMAND)
         inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
+        inbox.subscribe("events", keys.events(settings.camera), qos.EVENTS)
         inbox.subscribe("health", keys.ALL_HEALTH, qos.HEALTH)
         inbox.subscribe("drive", keys.ROBOT_DRIVE, qos.DRIVE)
         inbox.subscribe_alive("alive", keys.ALL_ALIVE)
@@ -163,6 +166,10 @@ class WebService:
                 case "health":
                     health = decode(Health, arrival.payload, arrival.encoding)
                     self._board.health(health, arrival.arrived_s)
+                case "events" if arrival.encoding != EndOfStream.encoding():
+                    event = decode(TrackEvent, arrival.payload, arrival.encoding)
+                    stamp = decode(Stamp, arrival.attachment or b"")
+                    self._board.event(event, stamp.producer, arrival.arrived_s)
                 case "drive":
                     drive = decode(DriveState, arrival.payload, arrival.encoding)
                     self._board.drive(drive, arrival.arrived_s)

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any, Literal
 
-from heel.schemas import DriveState, EndOfStream, FollowState, Header, Health, MotionCommand
+from heel.schemas import (
+    DriveState,
+    EndOfStream,
+    FollowState,
+    Header,
+    Health,
+    MotionCommand,
+    TrackEvent,
+)
 from heel.services.runtime.chain import MISSING, ChainWatch, Part, Problem
 from heel.services.runtime.logs import printable
 
@@ -14,6 +23,10 @@ _NOTICE_LENGTH = 200
 """Characters of a notice that the page shows; chosen by hand."""
 _MAX_NOTICES = 3
 """Notices that the page shows at once; chosen by hand."""
+_KEPT_EVENTS = 64
+"""Events of all identities that are kept, for a target that is chosen later; chosen by hand."""
+_TOLD_EVENTS = 4
+"""Sentences about the target that the page shows, the newest first; chosen by hand."""
 _DRIVE_SILENT_S = 0.5
 """Seconds that a word of the drive counts; it says 50 a second."""
 _FORGET_AFTER_S = 60.0
@@ -39,6 +52,7 @@ class StatusBoard:
         self._ended: EndOfStream | None = None
         self._command: tuple[MotionCommand, float] | None = None
         self._drive: tuple[DriveState, float] | None = None
+        self._events: deque[tuple[TrackEvent, str, float]] = deque(maxlen=_KEPT_EVENTS)
         self._unconfirmed_s: float | None = None
         self._started_s: float | None = None
         self.watch = ChainWatch(own)
@@ -72,6 +86,10 @@ class StatusBoard:
     def drive(self, state: DriveState, now_s: float) -> None:
         """The wheels were told something."""
         self._drive = (state, now_s)
+
+    def event(self, event: TrackEvent, tracker: str, now_s: float) -> None:
+        """A tracker found out something about an identity."""
+        self._events.append((event, tracker, now_s))
 
     def health(self, health: Health, now_s: float) -> None:
         """A service spoke of itself."""
@@ -120,6 +138,7 @@ class StatusBoard:
             "camera": self._camera,
             "picture": self._compose_picture(now_s),
             "follower": self._compose_follower(),
+            "story": self._compose_story(now_s),
             "command": self._compose_command(now_s),
             "drive": self._compose_drive(now_s),
             "bus_silent_s": None if bus_silent_s is None else round(bus_silent_s, 1),
@@ -152,6 +171,18 @@ class StatusBoard:
         }  # fmt: skip
         target = state.target.model_dump(include={"seq", "mode", "track_id", "tracker", "reason"})
         return state.model_dump(mode="json", include=passed_on) | {"target": target}
+
+    def _compose_story(self, now_s: float) -> list[dict[str, Any]]:
+        """What became of the target's identity, the newest first."""
+        target = None if self.follower is None else self.follower.target
+        if target is None or target.track_id is None:
+            return []
+        own = [
+            {"text": printable(event.text, 300), "age_s": round(now_s - heard_s, 1)}
+            for event, tracker, heard_s in self._events
+            if target.track_id in event.ids and tracker == target.tracker
+        ]
+        return own[: -_TOLD_EVENTS - 1 : -1]
 
     def _compose_command(self, now_s: float) -> dict[str, Any] | None:
         if self._command is None:

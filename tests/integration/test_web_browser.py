@@ -10,7 +10,19 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import zenoh
 
-from heel.schemas import EStop, FollowState, HeelError, Target, TargetRequest, decode, encode, keys
+from heel.schemas import (
+    EStop,
+    FollowState,
+    FrameId,
+    HeelError,
+    Stamp,
+    Target,
+    TargetRequest,
+    TrackEvent,
+    decode,
+    encode,
+    keys,
+)
 from heel.services.runtime.router import RouterSettings, open_router
 from tests.support.network import client, collected, router, wait_until
 from tests.support.web_page import (
@@ -154,6 +166,7 @@ def test_a_click_on_a_person_asks_the_follower_for_that_person(
         click_at(chrome, STANDER_BOX[0] + 15, STANDER_BOX[1] + 50)
         request = requests.get(timeout=10)
         assert (request.mode, request.track_id, request.tracker) == ("id", STANDER, TRACKER)
+        assert request.x_px == pytest.approx(STANDER_BOX[0] + 15, abs=2)
         shows(chrome, "toast", f"Following person {STANDER}")
 
         click_at(chrome, 460, 10)
@@ -171,6 +184,15 @@ def test_a_click_on_a_person_asks_the_follower_for_that_person(
         tell_state(session, estop=False, track_id=STANDER)
         shows(chrome, "target", f"person {STANDER}")
         shows(chrome, "reason", "as the test says")
+        frame = FrameId(stream="front", epoch=1, seq=1, index=1, t_capture_ns=0)
+        for number, words in ((STANDER, "ids 7 and 9 parted"), (STANDER + 1, "of another one")):
+            event = TrackEvent(frame=frame, kind="decided", ids=(number,), text=words)
+            session.put(
+                keys.events("front"), encode(event), encoding=event.encoding(),
+                attachment=encode(Stamp(producer=TRACKER, t_sent_ns=0, age_ns=0)),
+            )  # fmt: skip
+        shows(chrome, "story", "ids 7 and 9 parted")
+        assert "of another one" not in text(chrome, "story")
 
 
 def test_stop_works_without_a_stream_and_resume_appears_only_then(

@@ -32,6 +32,7 @@ function make(tag, text, data = {}) {
   return node;
 }
 
+const ago = (seconds) => seconds < 1 ? "now" : seconds < 60 ? `${Math.floor(seconds)} s ago` : `${Math.floor(seconds / 60)} min ago`;
 const percent = (share) => `${Math.round(share * 100)} %`;
 
 export class Panel {
@@ -148,6 +149,7 @@ export class Panel {
     put(element("hint"), !this.lost && !absent && target?.mode === "none" && !told ? HINTS[follower.state] ?? "" : "");
     const known = this.lost || absent ? null : follower;
     this.showFacts(known);
+    this.showStory(known ? this.status.story : []);
     for (const [id, mode] of [["nearest", "nearest"], ["none", "none"]]) {
       const pressed = String(target?.mode === mode);
       if (element(id).getAttribute("aria-pressed") !== pressed) element(id).setAttribute("aria-pressed", pressed);
@@ -181,6 +183,15 @@ export class Panel {
     put(watch, !follower ? "" : follower.obstacle_watch ? `obstacles are watched${free != null ? `, ${free.toFixed(1)} m free` : ""}`
       : "nothing looks out for obstacles");
     tone(watch, follower && !follower.obstacle_watch ? "warn" : "");
+  }
+
+  /** What the tracker found out about the target's identity, the newest first. */
+  showStory(story) {
+    const lines = story.map(({ text, age_s }) => `${ago(age_s)}: ${text}`);
+    const wanted = lines.join("\n");
+    if (wanted === this.shownStory) return;
+    this.shownStory = wanted;
+    element("story").replaceChildren(...lines.map((line) => make("li", line)));
   }
 
   /** Say what became of a point at which somebody was looked for. */

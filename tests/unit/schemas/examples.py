@@ -41,6 +41,7 @@ from heel.schemas import (
     Target,
     TargetRequest,
     Track,
+    TrackEvent,
     Tracks,
     encode,
 )
@@ -112,6 +113,9 @@ EXAMPLES: tuple[Message, ...] = (
         ),
         occlusion=True,
         camera_motion=CameraMotion(affine=(1.0, 0.0, 2.5, 0.0, 1.0, -0.5), quality=0.75),
+    ),
+    TrackEvent(
+        frame=FrameId(**FRAME), kind="given up", ids=(7, 9), text="id 7 is given up (2.0 % left)"
     ),
     MotionCommand(
         seq=9, linear_mps=0.5, angular_radps=-0.25, ttl_s=0.5, state="following",

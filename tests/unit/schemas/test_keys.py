@@ -16,7 +16,14 @@ _BAD = {
     "umlaut": "f\u00fcr", "full-width letter": "\uff41", "Arabic digit": "\u0661",
     "Kelvin sign": "\u212a", "surrogate": "\ud800", "too long": "a" * 65, "very long": "a" * 10**6,
 }  # fmt: skip
-_ONE_NAME: list[Callable[[str], str]] = [keys.image, keys.taken, keys.info, keys.blobs, keys.tracks]
+_ONE_NAME: list[Callable[[str], str]] = [
+    keys.image,
+    keys.taken,
+    keys.info,
+    keys.blobs,
+    keys.tracks,
+    keys.events,
+]
 _TWO_NAMES: list[Callable[[str, str], str]] = [
     keys.progress, keys.health, keys.config, keys.alive,
 ]  # fmt: skip
@@ -48,6 +55,7 @@ def test_good_names_stand_unchanged(good: str) -> None:
         (keys.info("front"), "cam/front/info"),
         (keys.blobs("front"), "cam/front/blobs"),
         (keys.tracks("front"), "cam/front/tracks"),
+        (keys.events("front"), "cam/front/events"),
         (keys.progress("front", "run"), "cam/front/progress/run"),
         (keys.health("tracker", "main"), "svc/tracker/main/health"),
         (keys.config("tracker", "main"), "svc/tracker/main/config"),

@@ -24,6 +24,7 @@ _TOPICS: dict[str, TopicQos] = {
     "cam/<cam>/info": qos.INFO,
     "cam/<cam>/blobs": qos.BLOBS,
     "cam/<cam>/tracks": qos.TRACKS,
+    "cam/<cam>/events": qos.EVENTS,
     "cam/<cam>/progress/<consumer>": qos.PROGRESS,
     keys.FOLLOW_COMMAND: qos.COMMAND,
     keys.FOLLOW_STATE: qos.STATE,

@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from heel.schemas import HeelError, Tracks, encode
+from heel.schemas import FrameId, HeelError, TrackEvent, Tracks, encode
 from heel.schemas.errors import SettingsError
 from heel.services.cli import app
 from heel.services.pipeline import load_pipeline
 from heel.services.run.options import RunOptions
 from heel.services.tracker.boxes.sequence import GivenSequence, track_sequence
 from heel.services.tracker.core import Tracker
-from heel.services.tracker.service import log_identities
+from heel.services.tracker.service import Events, log_identities
 from heel.services.tracker.settings import TrackerSettings
 from heel.services.tracker.story import percent, sentence, told
-from heel.services.tracker.trace import Changes, Event, Trace
+from heel.services.tracker.trace import Changes, Event, Kind, Trace
 from heel.services.tracker.trace_file import TraceFile, read_trace
 from tests.support.documents import blocks
 from tests.unit.tracker import drawn_detections as boxes
@@ -364,3 +364,25 @@ def test_a_setting_of_the_file_counts_and_the_flag_wins(tmp_path: Path) -> None:
 def test_the_guide_shows_what_heel_why_says(file: Path) -> None:
     (shown,) = blocks("text", "docs/guides/wrong-person.md")
     assert ask(file, "--id", 1) == shown.text.strip().splitlines()
+
+
+def test_what_becomes_of_identities_is_published_a_few_a_second() -> None:
+    sent: list[TrackEvent] = []
+    events = Events(sent.append)
+    contact = Event("contact", id=1, other=2)
+    events.take(contact)
+    assert not sent, "before the first frame"
+    frame = FrameId(stream="front", epoch=1, seq=4, index=4, t_capture_ns=0)
+    events.begin(frame, 100.0)
+    everyday: tuple[Kind, ...] = ("born", "confirmed", "unseen", "seen", "gone", "forgotten")
+    for kind in everyday:
+        events.take(Event(kind, id=1))
+    assert not sent, "what happens to everybody is not worth a message"
+    events.take(contact)
+    assert (sent[0].frame, sent[0].kind, sent[0].ids) == (frame, "contact", (1, 2))
+    assert sent[0].text == sentence(contact)
+    for second in range(100):
+        events.begin(frame, 100.0 + second)
+        for _ in range(1000):
+            events.take(contact)
+    assert 400 < len(sent) < 600

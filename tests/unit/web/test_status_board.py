@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import json
 
-from heel.schemas import DriveState, EndOfStream, Health, MotionCommand
+from heel.schemas import DriveState, EndOfStream, Health, MotionCommand, TrackEvent
 from heel.services.runtime.chain import MAX_PARTS
 from heel.services.web.status import StatusBoard
-from tests.unit.web.web_builders import follow_state, header
+from tests.unit.web.web_builders import TRACKER, follow_state, header
 
 
 def health(service: str, instance: str = "main") -> Health:
@@ -122,3 +122,26 @@ def test_status_is_plain_json() -> None:
     status = board.compose(1.0)
     assert json.loads(json.dumps(status)) == status
     assert status["follower"]["target"]["track_id"] == 3
+
+
+def event(text: str, *ids: int) -> TrackEvent:
+    return TrackEvent(frame=header(0).frame_id(), kind="unsure", ids=ids, text=text)
+
+
+def test_the_story_is_the_targets_own_and_the_newest_first() -> None:
+    board = StatusBoard("front", 1.0)
+    board.event(event("id 7 met id 4", 7, 4), TRACKER, 1.0)
+    board.event(event("id 4 is unsure", 4), TRACKER, 2.0)
+    board.event(event("another tracker's 7", 7), "tracker/other@00000001", 2.0)
+    board.event(event("id 9 was id 7", 9, 7), TRACKER, 3.0)
+    assert board.compose(4.0)["story"] == [], "nobody is followed"
+    board.follower = follow_state(7, TRACKER)
+    assert board.compose(4.0)["story"] == [
+        {"text": "id 9 was id 7", "age_s": 1.0}, {"text": "id 7 met id 4", "age_s": 3.0},
+    ]  # fmt: skip
+    for number in range(500):
+        board.event(event(f"{number} \x1b[2J" + "x" * 280, 7), TRACKER, 5.0)
+    story = board.compose(5.0)["story"]
+    assert [line["text"].split()[0] for line in story] == ["499", "498", "497", "496"]
+    assert len(json.dumps(story)) < 2000
+    assert "\x1b" not in story[0]["text"]
