@@ -50,7 +50,7 @@ class Chooser(Protocol):
 
 
 class User:
-    """Clicks on the target until the page shows that person as chosen, and then never again.
+    """Clicks on the target until the page shows it as chosen, and from then on only when asked to.
 
     Where the first picture shows nobody to click on, the robot is asked to follow the nearest
     person that it finds.
@@ -69,6 +69,8 @@ class User:
             return
         if shown.track_id is not None and view.people.get(shown.track_id) == target:
             self._due_s = math.inf
+        elif shown.mode == "none" and "choose again" in shown.reason and math.isinf(self._due_s):
+            self._due_s = view.now_s
         person = people[target]
         looking = shown.mode in ("point", "nearest") and shown.track_id is None
         if view.now_s < self._due_s or looking:

@@ -66,6 +66,7 @@ if TYPE_CHECKING:
         Target,
         TargetRequest,
         Track,
+        TrackEvent,
         Tracks,
         decode,
         encode,
@@ -84,8 +85,8 @@ __all__ = [
     "FrameId", "Header", "Health", "HeelError", "Image", "KeyNameError", "Message", "MessageError",
     "MotionCommand", "Odometry", "Patch", "Pointed", "Pose", "Progress", "RangeSector", "Ranges",
     "SettingsError", "SimObstacle", "SimPerson", "SimTruth", "SimWorld", "SourceError", "Stamp",
-    "Taken", "Target", "TargetChoice", "TargetRequest", "Track", "Tracker", "TrackerSettings",
-    "Tracks", "Video", "__version__", "decode", "encode", "open", "track",
+    "Taken", "Target", "TargetChoice", "TargetRequest", "Track", "TrackEvent", "Tracker",
+    "TrackerSettings", "Tracks", "Video", "__version__", "decode", "encode", "open", "track",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # a checker would take every misspelt name for an attribute

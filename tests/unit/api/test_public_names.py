@@ -22,8 +22,8 @@ EXPORTED = [
     "FrameId", "Header", "Health", "HeelError", "Image", "KeyNameError", "Message", "MessageError",
     "MotionCommand", "Odometry", "Patch", "Pointed", "Pose", "Progress", "RangeSector", "Ranges",
     "SettingsError", "SimObstacle", "SimPerson", "SimTruth", "SimWorld", "SourceError", "Stamp",
-    "Taken", "Target", "TargetChoice", "TargetRequest", "Track", "Tracker", "TrackerSettings",
-    "Tracks", "Video", "__version__", "decode", "encode", "open", "track",
+    "Taken", "Target", "TargetChoice", "TargetRequest", "Track", "TrackEvent", "Tracker",
+    "TrackerSettings", "Tracks", "Video", "__version__", "decode", "encode", "open", "track",
 ]  # fmt: skip
 """Programs of others rest on these names: what is taken away or renamed breaks them."""
 
