@@ -33,7 +33,7 @@ def doctor(
     """
     from heel.services.commands.doctor import gather
 
-    where = robot.find()
+    where = gather.find(robot)
     machine = gather.look_at_machine(where)
     router, bus = gather.ask_robot(where)
     facts = Facts(

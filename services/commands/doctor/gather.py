@@ -28,7 +28,7 @@ from heel.services.commands.doctor.facts import (
 )
 from heel.services.commands.doctor.knock import knock
 from heel.services.commands.observed import TOPICS, Observed
-from heel.services.commands.robot import TIMEOUT_S, Where, ask
+from heel.services.commands.robot import TIMEOUT_S, RobotFlags, Where, ask
 
 if TYPE_CHECKING:
     from heel.services.runtime.inbox import Arrival
@@ -51,8 +51,24 @@ _EXTRAS = {
     "eval": ("matplotlib",),
     "metrics": ("prometheus_client",),
 }
+_USUAL_ROUTER = "tcp/127.0.0.1:7447"
 _STAMPED = {"command": keys.FOLLOW_COMMAND, "drive": keys.ROBOT_DRIVE}
 _TCP = re.compile(r"tcp/(.+):(\d{1,5})(?:[#?].*)?")
+
+
+def find(robot: RobotFlags) -> Where:
+    """The robot that is meant; a run folder that cannot be used is a finding here, and no end.
+
+    Raises:
+        SettingsError: several are possible, or the one named does not run.
+    """
+    try:
+        return robot.find()
+    except HeelError:
+        if _run_folder_problem() is None:
+            raise
+    # Without the folder only a router can be meant.
+    return replace(robot, connect=robot.connect or _USUAL_ROUTER, run=None, robot=None).find()
 
 
 def ask_robot(where: Where) -> tuple[RouterFacts, BusFacts | None]:
@@ -126,7 +142,6 @@ def _versions(bus: Listening) -> dict[str, str]:
 def look_at_machine(where: Where) -> MachineFacts:
     """This computer, as far as Heel depends on it."""
     from heel.services.models.store import models_folder
-    from heel.services.runtime.places import run_folder
     from heel.services.runtime.process import may_lock_memory, software_version
     from heel.services.runtime.session import why_no_shared_memory
     from heel.services.runtime.shared_memory import SHARED_MEMORY, full_share
@@ -136,11 +151,6 @@ def look_at_machine(where: Where) -> MachineFacts:
     shared = None
     with suppress(OSError):
         shared = shutil.disk_usage(SHARED_MEMORY).total
-    unusable = None
-    try:
-        run_folder()
-    except HeelError as error:
-        unusable = str(error)
     own = {where.router.rpartition(":")[2]}
     if where.run is not None and where.run.page:
         own.add(where.run.page.rstrip("/").rpartition(":")[2])
@@ -158,9 +168,20 @@ def look_at_machine(where: Where) -> MachineFacts:
         },
         free_bytes=_free_bytes(Path(tempfile.gettempdir()), Path.cwd(), models_folder()),
         ports={port: _is_free(port) for port in _PORTS if str(port) not in own},
-        run_folder=unusable,
+        run_folder=_run_folder_problem(),
         version=software_version(),
     )
+
+
+def _run_folder_problem() -> str | None:
+    """What is wrong with the folder in which runs are noted; None: nothing."""
+    from heel.services.runtime.places import run_folder
+
+    try:
+        run_folder()
+    except HeelError as error:
+        return str(error)
+    return None
 
 
 def _free_bytes(*folders: Path) -> dict[str, int]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from heel.schemas import SettingsError
 from heel.services.commands.doctor import gather
 from heel.services.commands.doctor.knock import is_zenoh, knock
 from heel.services.commands.robot import RobotFlags
@@ -91,3 +92,19 @@ def test_a_wrong_password_is_told_from_no_router(
         assert asked(None, None) == ("zenoh", False)
         assert asked("heel", wrong) == ("zenoh", False)
         assert asked("heel", right) == ("zenoh", True)
+
+
+def test_a_run_folder_of_somebody_else_is_a_finding_and_no_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "link"))
+    with pytest.raises(SettingsError, match="is a link"):
+        RobotFlags().find()
+    where = gather.find(RobotFlags(connect=f"tcp/127.0.0.1:{free_port()}"))
+    assert "is a link" in str(gather.look_at_machine(where).run_folder)
+    assert gather.find(RobotFlags()).run is None
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "real"))
+    with pytest.raises(SettingsError, match="no run of that process"):
+        gather.find(RobotFlags(run=1))
