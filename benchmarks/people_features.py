@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas.blobs import FOREGROUND
-from heel.services.tracker.appearance.descriptor import describe
 from heel.services.tracker.paper.features import FAMILIES, extract
+from heel.services.tracker.people.appearance import describe
 
 Vectors = dict[str, NDArray[np.float64]]
 _STRIPS, _CELLS, _ANGLES = 6, (8, 4), 9

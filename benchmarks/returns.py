@@ -22,16 +22,16 @@ import typer
 from numpy.typing import NDArray
 
 from benchmarks.common import Recordings, Write, data_folder, name_of, publish, recordings
+from benchmarks.learned_metric.gallery import Gallery, nearest_views
+from benchmarks.learned_metric.metric import Metric
+from benchmarks.learned_metric.model import AppearanceModel
 from heel.evaluation.motchallenge import ground_truth_file, read_ground_truth
 from heel.services.capture.sources import open_source
 from heel.services.detector.settings import DetectorSettings
 from heel.services.geometry.boxes import iou_matrix
 from heel.services.pipeline import InProcessPipeline, RecordedFrames
 from heel.services.runtime.command_line import run_app
-from heel.services.tracker.appearance.descriptor import FloatArray, cut_out, describe
-from heel.services.tracker.appearance.gallery import Gallery, nearest_views
-from heel.services.tracker.appearance.metric import Metric
-from heel.services.tracker.appearance.model import AppearanceModel
+from heel.services.tracker.people.appearance import FloatArray, cut_out, describe
 from heel.services.tracker.settings import TrackerSettings
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -1,8 +1,7 @@
 """Detector and tracker, milliseconds a frame on one core, decoding left out.
 
 `tracks after` is how long a frame's tracks take in the tracker; `learned after` is what is done
-once they are sent: the scene's scale and the metric of appearance. Without that step tracks would
-take both.
+once they are sent: the scene's scale. Without that step tracks would take both.
 
 Example run: python -m benchmarks.speed --write docs/records/results.md
 """

@@ -19,7 +19,6 @@ from heel.schemas.blobs import FOREGROUND
 from heel.schemas.tracks import MAX_TRACKS
 from heel.services.geometry.boxes import cover_of_smaller
 from heel.services.geometry.calibration_file import Calibration
-from heel.services.tracker.appearance.descriptor import cut_out, describe
 from heel.services.tracker.evidence.arrays import FloatMap, Image
 from heel.services.tracker.evidence.calibrated import line_of
 from heel.services.tracker.evidence.canvas import Canvas, Fit
@@ -45,6 +44,7 @@ from heel.services.tracker.evidence.samples import Sample, samples_of
 from heel.services.tracker.evidence.scale import SceneScale
 from heel.services.tracker.evidence.silhouette import Silhouette, Working
 from heel.services.tracker.people import kalman
+from heel.services.tracker.people.appearance import cut_out, describe
 from heel.services.tracker.people.front_end import Scene
 from heel.services.tracker.people.measured import Measured, Measurement
 from heel.services.tracker.people.track import Track

@@ -19,7 +19,7 @@ from heel.services.tracker.people.looks import Gallery, LookModel
 from heel.services.tracker.people.track import Track
 from heel.services.tracker.trace import Event, Trace, bounded, probable
 
-_LEAST_LOOKS = 4
+_LEAST_LOOKS = 2
 """Frames with a descriptor before a contact is decided; chosen by hand."""
 _INDEPENDENT = 4.0
 """Descriptors up to which evidence adds up, as those of neighbouring frames are not independent;

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from heel.services.tracker.people.appearance import LOOK_LENGTH
+from heel.services.tracker.people.appearance import DESCRIPTOR_LENGTH
 from heel.services.tracker.people.contacts import Contacts
 from heel.services.tracker.people.geometry import FloatArray, crowding
 from heel.services.tracker.people.looks import LookModel
@@ -167,7 +167,7 @@ class Identity:
                 self._contacts.touch(first, second, t_s)
         clear = [(m.track, m.look) for m in measured.singles if m.clear and m.look is not None]
         seen = [track for track, _ in clear]
-        looks = np.array([look for _, look in clear]).reshape(len(clear), LOOK_LENGTH)
+        looks = np.array([look for _, look in clear]).reshape(len(clear), DESCRIPTOR_LENGTH)
         known = {id(track) for group in tracks for track in group}
         self._contacts.decide(seen, looks, known, t_s, elapsed_s)
         # A track that may be another person's adds nothing: its gallery is to decide that.

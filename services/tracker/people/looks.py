@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.services.tracker.people.appearance import LOOK_LENGTH, distances
+from heel.services.tracker.people.appearance import DESCRIPTOR_LENGTH, distances
 from heel.services.tracker.people.geometry import FloatArray
 
 _PRIOR_SAMPLES = 30.0
@@ -42,7 +42,7 @@ class Gallery:
     """Descriptors of one person: a few views that differ, each a slow mean of those near it."""
 
     def __init__(self) -> None:
-        self.views = np.zeros((0, LOOK_LENGTH))
+        self.views = np.zeros((0, DESCRIPTOR_LENGTH))
         self.looks = 0
         self._counts: list[int] = []
 
@@ -54,7 +54,7 @@ class Gallery:
 
     def newest(self) -> FloatArray:
         """The view (D,) that was added last; zeros for an empty gallery."""
-        return np.asarray(self.views[-1] if len(self.views) else np.zeros(LOOK_LENGTH))
+        return np.asarray(self.views[-1] if len(self.views) else np.zeros(DESCRIPTOR_LENGTH))
 
     def add(self, look: FloatArray) -> None:
         """Take in a (D,) descriptor of the person seen alone."""

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from heel.services.tracker.boxes.box_tracker import BoxTracker
-from heel.services.tracker.people.appearance import LOOK_LENGTH
+from heel.services.tracker.people.appearance import DESCRIPTOR_LENGTH
 from heel.services.tracker.people.tuning import ROBOT
 
 FRAME_S = 0.05
 BOX = np.array([[300.0, 150.0, 380.0, 400.0]])
-LIGHT, DARK = np.eye(LOOK_LENGTH)[[0, 1]]
+LIGHT, DARK = np.eye(DESCRIPTOR_LENGTH)[[0, 1]]
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ def test_somebody_who_looks_different_is_the_same_only_without_a_gap(
     for look in [LIGHT] * 40 + [None] * round(gap_s / FRAME_S) + [DARK] * 20:
         t_s += FRAME_S
         seen = look is not None
-        looks = np.zeros((0, LOOK_LENGTH)) if look is None else look[None]
+        looks = np.zeros((0, DESCRIPTOR_LENGTH)) if look is None else look[None]
         found = tracker.update(BOX[:seen], np.ones(int(seen)), t_s, looks)
 
     ids = {output.id for output in found if output.state == "tracked"}

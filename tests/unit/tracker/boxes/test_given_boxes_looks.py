@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heel.services.tracker.people.appearance import LOOK_LENGTH, cut_out, describe, distances
+from heel.services.tracker.people.appearance import DESCRIPTOR_LENGTH, cut_out, describe, distances
 from heel.services.tracker.people.contacts import Contacts
 from heel.services.tracker.people.geometry import FloatArray
 from heel.services.tracker.people.identity import Identity
@@ -38,7 +38,7 @@ def test_looks_have_unit_length_and_do_not_depend_on_who_else_is_described() -> 
 
 
 def test_nobody_and_tiny_patches_have_a_look_without_colour() -> None:
-    assert describe([]).shape == (0, LOOK_LENGTH)
+    assert describe([]).shape == (0, DESCRIPTOR_LENGTH)
     tiny = describe([np.zeros((5, 2, 3), np.uint8), np.full((4, 90, 3), 255, np.uint8)])
     assert len(np.unique(tiny)) == 1
 
@@ -65,7 +65,7 @@ def test_a_gallery_takes_a_new_view_for_a_new_look_and_not_more_than_it_may() ->
         gallery.add(looks(colours, 1)[0])
     assert (len(gallery.views), gallery.looks) == (3, 4)
     for seed in range(40):
-        rng = np.random.default_rng(seed).random(LOOK_LENGTH) ** 8
+        rng = np.random.default_rng(seed).random(DESCRIPTOR_LENGTH) ** 8
         gallery.add(rng / np.linalg.norm(rng))
     assert len(gallery.views) == 5
     copy = gallery.copy()
@@ -125,7 +125,7 @@ def test_a_contact_ends_when_one_of_the_two_is_forgotten() -> None:
     one, other = person(1, RED), person(2, GREEN)
     contacts = Contacts(LookModel())
     contacts.touch(one, other, 0.0)
-    contacts.decide([], np.zeros((0, LOOK_LENGTH)), {id(one)}, 0.1, 0.1)
+    contacts.decide([], np.zeros((0, DESCRIPTOR_LENGTH)), {id(one)}, 0.1, 0.1)
     assert not contacts.among(one)
 
 
@@ -135,7 +135,7 @@ def test_both_are_in_doubt_while_a_contact_is_open() -> None:
     contacts = Contacts(LookModel())
     one.doubt(rivals=0.5, best=0.5, memory=1.0)
     contacts.touch(one, other, 0.0)
-    contacts.decide([], np.zeros((0, LOOK_LENGTH)), {id(one), id(other)}, 0.0, 0.1)
+    contacts.decide([], np.zeros((0, DESCRIPTOR_LENGTH)), {id(one), id(other)}, 0.0, 0.1)
     assert one.confidence == pytest.approx(0.5)
     assert other.confidence == pytest.approx(0.5)
     assert other.runner_up == pytest.approx(0.5)

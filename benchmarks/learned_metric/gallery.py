@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.services.tracker.appearance.descriptor import (
+from benchmarks.learned_metric.metric import Metric
+from heel.services.tracker.people.appearance import (
     DESCRIPTOR_LENGTH,
     FloatArray,
     distances,
 )
-from heel.services.tracker.appearance.metric import Metric
 
 _MEMORY = 0.03
 """Least share of a new descriptor in the mean of a view; chosen by hand."""

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.services.tracker.appearance.descriptor import DESCRIPTOR_LENGTH, FloatArray
-from heel.services.tracker.appearance.gallery import Gallery, nearest_views
-from heel.services.tracker.appearance.metric import Metric, Samples, learned
+from benchmarks.learned_metric.gallery import Gallery, nearest_views
+from benchmarks.learned_metric.metric import Metric, Samples, learned
+from heel.services.tracker.people.appearance import DESCRIPTOR_LENGTH, FloatArray
 
 _PRIOR_SAMPLES = 30.0
 """Weight of the prior distributions [samples]; chosen by hand."""

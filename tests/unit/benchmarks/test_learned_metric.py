@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from heel.services.tracker.appearance.descriptor import (
+from benchmarks.learned_metric.gallery import Gallery, nearest_views
+from benchmarks.learned_metric.metric import Metric, learned
+from benchmarks.learned_metric.model import AppearanceModel
+from heel.services.tracker.people.appearance import (
     DESCRIPTOR_LENGTH,
     FloatArray,
     cut_out,
     describe,
     distances,
 )
-from heel.services.tracker.appearance.gallery import Gallery, nearest_views
-from heel.services.tracker.appearance.metric import Metric, learned
-from heel.services.tracker.appearance.model import AppearanceModel
 from tests.unit.tracker.drawn_detections import BLUE, GREEN, RED, TALL, WIDE, Colours, patch
 
 

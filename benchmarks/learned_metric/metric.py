@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.services.tracker.appearance.descriptor import DESCRIPTOR_LENGTH, FloatArray
+from heel.services.tracker.people.appearance import DESCRIPTOR_LENGTH, FloatArray
 
 _COMPONENTS = 80
 """Principal directions of all differences, whose variance within people is learned; chosen by

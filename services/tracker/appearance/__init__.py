@@ -1,1 +1,0 @@
-"""Appearance of people: descriptor, gallery, and a metric learned from the scene."""
