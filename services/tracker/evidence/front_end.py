@@ -150,6 +150,7 @@ class EvidenceFrontEnd:
         self._working = Working(1, 1, 1.0, 1.0)
         self._evidence: Image | None = None
         self._unsettled: FloatMap | None = None
+        self._believed = False
         self._may_be_cut = _CUT_STANDING
         self._births = self._frame = 0
         self._now_s = self._elapsed_s = 0.0
@@ -157,8 +158,12 @@ class EvidenceFrontEnd:
     def settle(self) -> None:
         """Take in the scene's scale of the frame before; no tracks of that frame depend on it."""
         weighted, self._unsettled = self._unsettled, None
-        if weighted is not None and self._scale is not None:
-            self._scale.update(weighted)
+        if weighted is None or self._scale is None:
+            return
+        refuted = self._scale.refuted
+        self._scale.update(weighted, self._believed)
+        if self._scale.refuted > refuted:  # those whom a wrong line has placed are none
+            self._of = {}
 
     def measure(self, frame: EvidenceFrame, scene: Scene) -> Measured:
         """Fit the silhouettes of all tracks to a frame's evidence."""
@@ -176,6 +181,7 @@ class EvidenceFrontEnd:
                 silhouette.missed_frames += 1
             return Measured()
         self._unsettled = np.asarray(cv2.LUT(frame.evidence, _WEIGHT), np.float32)
+        self._believed = frame.blobs.background == "valid"
         people = list(self._of.values())
         canvas = self._canvas = self._loaded(self._unsettled, scale)
         fits = fit_people(canvas, people, scale.ratio)

@@ -8,6 +8,7 @@ people explain most of the evidence is taken, and it is used only once it explai
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 
@@ -16,6 +17,7 @@ import numpy as np
 from heel.services.tracker.evidence.arrays import FloatMap, Floats
 from heel.services.tracker.evidence.coverage import explained_share, reduce, reduction
 from heel.services.tracker.evidence.line import STEEPEST, WIDTH_RATIO, Line, refined
+from heel.services.tracker.evidence.runs import Runs
 
 _TOLERANCE = 0.12
 """Relative deviation of a height from a line up to which the sample agrees with it: twice the
@@ -34,6 +36,18 @@ _APART = 0.1
 """Image heights between the feet of two samples below which they give no slope; chosen by hand."""
 _ENOUGH = 0.35
 """Share of the evidence that a line has to explain before it is used; chosen by hand."""
+_NEAR = 0.3
+"""Image heights from which the samples show near people, of whom there are few: a line through them
+may have any slope, so that more is asked of it; chosen by hand, below TUD-Campus with 0.35 and
+above cameras on posts with 0.2."""
+_LEAST_VOTES = 6
+"""Samples of near people below which no line is used; chosen by hand."""
+_UNDECIDED = 0.05
+"""Share of the evidence by which a line has to explain more than any of a low camera before it is
+used; chosen by hand."""
+_OVERLONG_SHARE = 0.2
+"""Share of the foreground in runs too high for one person, above which a line is not used: with the
+right line it is 0.01 to 0.12 on the recordings, with people half as high 0.21 to 0.65."""
 _STEEPEST_USED = 0.6
 """Slope from which a line is not used. It is a person's height by the camera's: the lower the
 camera, the less a foot row says of the height. TUD-Campus has 1.4 and is better off without a line,
@@ -57,6 +71,8 @@ _EVERY = 10
 """Frames between refits after those; chosen by hand for time."""
 _EVERY_SETTLED = 25
 """Frames between refits of a settled line, which changes slowly; chosen by hand for time."""
+_TALLEST_ROWS = 50
+"""Reduced pixels: highest person for which lines are compared; more costs time. Chosen by hand."""
 _REFINED_AT_ONCE = 8
 """Lines refined in one step of a refit: a step takes a millisecond or two; chosen by hand."""
 
@@ -69,6 +85,7 @@ class SceneScale:
     Attributes:
         known: it may be used.
         refused: it was tried and may not; neither while none has been tried.
+        refuted: how many lines were used and then seen to be wrong.
         typical: height of a person, working pixels.
     """
 
@@ -91,6 +108,9 @@ class SceneScale:
         self.refused = False
         self.typical = 0.15 * image_height
         self._smallest = smallest
+        self.refuted = 0
+        self._believed = False
+        self._runs = Runs(smallest)
         self._random = np.random.default_rng(seed)
         self._blobs: deque[tuple[float, float]] = deque(maxlen=_BLOB_VOTES)
         self._people: dict[int, deque[tuple[float, float]]] = {}
@@ -139,13 +159,18 @@ class SceneScale:
         if len(self._people) > _PEOPLE:
             self._people.pop(next(iter(self._people)))
 
-    def update(self, evidence: FloatMap) -> None:
+    def update(self, evidence: FloatMap, believed: bool = True) -> None:
         """Call once a frame with the evidence in [0, 1]: refits when it is time.
 
         A settled line is refitted a little every frame: all at once it would hold up one frame.
+
+        Args:
+            evidence: (H, W) of one frame.
+            believed: whether its background is known; before that no line of near people is used.
         """
         if self._given:
             return
+        self._believed = believed
         self._frame += 1
         if self._refit is None and self._is_due():
             self._refit = self._steps(evidence)
@@ -165,38 +190,58 @@ class SceneScale:
         if len(data) == 0:
             return
         typical = float(np.median(data[:, 1]))
-        step = reduction(typical)
-        reduced = reduce(evidence, 1.0 - evidence, step)
         candidates: list[Line] = []
         for _ in self._candidates(data[:, 0], data[:, 1], candidates):
             yield False
         if not candidates:
             return
-        if float(reduced[..., 0].sum()) * step * step < 0.1 * self._smallest**2:
+        if float(evidence.sum()) < 0.1 * self._smallest**2:
             return
+        if self._believed:  # before, what moves is seen twice
+            self._runs.add(evidence, shift)
+        reduced: dict[int, FloatMap] = {}
         scores = []
         for line in candidates:
-            scores.append(explained_share(reduced, step, line.moved(shift), self._smallest))
+            # Samples may be parts of people that are far higher, whose templates take long.
+            step = max(reduction(typical), math.ceil(line.height(self.rows) / _TALLEST_ROWS))
+            if step not in reduced:
+                reduced[step] = reduce(evidence, 1.0 - evidence, step)
+            share = explained_share(reduced[step], step, line.moved(shift), self._smallest)
+            overlong = self._runs.overlong(line)
+            scores.append(share - (overlong if overlong > _OVERLONG_SHARE else 0.0))
             yield False
-        self._choose(candidates, scores, typical)
+        self._choose(candidates, scores, typical, len(data))
 
     def _is_due(self) -> bool:
         if self.settled:
             return self._frame % _EVERY_SETTLED == 0
         return self._frame in _FIRST_FRAMES or self._frame % _EVERY == 0
 
-    def _choose(self, candidates: list[Line], scores: list[float], typical: float) -> None:
-        if self.known:  # in doubt the present line stays
+    def _choose(
+        self, candidates: list[Line], scores: list[float], typical: float, votes: int
+    ) -> None:
+        was_known = self.known
+        if was_known:  # in doubt the present line stays
             scores[0] = 1.1 * scores[0] + 0.02
         best = int(np.argmax(scores))
+        ranked = zip(scores, candidates, strict=True)
+        steep = max((score for score, line in ranked if line.slope >= _STEEPEST_USED), default=0.0)
         self._line = candidates[best]
         if best > 0 or not self.known:
             self._anchor = self._line
         self.typical = typical
         # A line once good stays, a better one of a low camera does not.
-        enough = self.known or scores[best] > _ENOUGH
-        self.known = enough and self._line.slope < _STEEPEST_USED
+        told = scores[best] > _ENOUGH
+        if typical > _NEAR * self.rows:
+            told &= self._believed and votes >= _LEAST_VOTES and scores[best] > steep + _UNDECIDED
+        enough = was_known or told
+        fits = self._runs.overlong(self._line) < _OVERLONG_SHARE
+        self.known = enough and fits and self._line.slope < _STEEPEST_USED
         self.refused = not self.known
+        if was_known and self.refused:
+            # The heights of people that were placed by a wrong line say nothing.
+            self.refuted += 1
+            self._people.clear()
 
     def _candidates(self, foot: Floats, height: Floats, chosen: list[Line]) -> Iterator[None]:
         """Fill `chosen` with the present line, then lines that most samples agree with.
