@@ -358,7 +358,9 @@ def test_the_state_says_what_bounds_the_speed(seen: Track, expected: str) -> Non
 
 
 def test_somebody_in_the_way_and_nothing_that_moves_are_told_apart() -> None:
-    made = following(tracks(person(1, height=FAR), person(2, distance_m=1.3, bearing_rad=0.0)))
+    made = following(
+        tracks(person(1, height=FAR), person(2, x=90, distance_m=1.3, bearing_rad=0.0))
+    )
     drive(made)
     assert made.state.speed_reason == "somebody else is in the way"
     made.set_estop(True)
