@@ -120,7 +120,7 @@ class TrackEvent(Message):
     """What a tracker found out about an identity, in words. A few a second at most."""
 
     schema_name: ClassVar[str] = "event"
-    max_bytes: ClassVar[int] = 1024
+    max_bytes: ClassVar[int] = 2048
 
     frame: FrameId = Field(description="in which it was found out")
     kind: Annotated[str, Field(strict=True, min_length=1, max_length=32)] = Field(

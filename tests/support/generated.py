@@ -101,13 +101,15 @@ def _numbers(schema: dict[str, Any], _: dict[str, Any]) -> st.SearchStrategy[flo
 def _strings(schema: dict[str, Any], _: dict[str, Any]) -> st.SearchStrategy[str]:
     if "pattern" in schema:
         return st.from_regex(schema["pattern"].removesuffix("$") + r"\Z")
-    return st.text(_TEXT, max_size=min(20, schema.get("maxLength", 20)))
+    least, most = schema.get("minLength", 0), schema.get("maxLength", 20)
+    return st.text(_TEXT, min_size=least, max_size=min(20, most))
 
 
 def _arrays(schema: dict[str, Any], defs: dict[str, Any]) -> st.SearchStrategy[list[Any]]:
     if "prefixItems" in schema:
         return st.tuples(*(_value(item, defs) for item in schema["prefixItems"])).map(list)
-    return st.lists(_value(schema["items"], defs), max_size=min(3, schema["maxItems"]))
+    least, most = schema.get("minItems", 0), schema["maxItems"]
+    return st.lists(_value(schema["items"], defs), min_size=least, max_size=min(3, most))
 
 
 def _maps(schema: dict[str, Any], defs: dict[str, Any]) -> st.SearchStrategy[dict[str, Any]]:
