@@ -5,9 +5,8 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PIP := $(BIN)/python $(INSTALL)
-TIMED := $(patsubst %,tests/integration/test_%.py,\
-	follower_service hostile_messages simulator stop_beside_viewers swap time_to_stop web web_limits)
-TIMELESS := $(filter-out $(TIMED),$(sort $(wildcard tests/integration/test_*.py)))
+TIMELESS := $(patsubst %,tests/integration/test_%.py,\
+	documented_commands own_detector packages python_api run_with_model)
 PEERS := .venv-peers
 PEERS_PIP := $(PEERS)/bin/python $(INSTALL)
 
@@ -35,12 +34,11 @@ demo: $(READY)  ## a robot follows somebody through a simulated world, with the 
 
 test: $(READY)  ## unit and integration tests
 	@# Unit tests share nothing and run side by side, as do those of processes in which no time
-	@# counts; the others need the cores to themselves. Processes wait more than they work, so there
-	@# is one more worker than cores; their files take longest, so they are begun first and the unit
-	@# tests fill what is left.
+	@# counts and that start few of them; the others need the cores to themselves.
 	$(BIN)/python -m pytest $(TIMELESS) tests/unit -m 'not docker and not slow' \
-		-n 3 --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest $(TIMED) -m 'not docker and not slow'
+		-n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest tests/integration $(addprefix --ignore=,$(TIMELESS)) \
+		-m 'not docker and not slow'
 
 test-docker: $(READY)  ## the same services in containers
 	$(BIN)/python -m pytest -m docker
