@@ -9,7 +9,7 @@ import pytest
 from heel.schemas import Odometry
 from heel.services.commands.follow import _request
 from heel.services.follower.own_motion import OwnMotion, Pose
-from heel.services.follower.search import Search
+from heel.services.follower.search import search_for
 
 
 def odometry(linear_mps: float, angular_radps: float) -> Odometry:
@@ -65,7 +65,7 @@ def test_a_search_looks_there_then_to_both_sides_then_where_last_seen_and_ends(
     side: float,
 ) -> None:
     heading, looked = 0.0, []
-    search = Search(Pose(), (2.0, 2.0), (2.0, 1.0), side, 0.5)
+    search = search_for(Pose(), (2.0, 2.0), (2.0, 1.0), side, 0.5)
     while not search.over:
         heading += min(max(search.bearing_rad(Pose(heading_rad=heading)), -0.02), 0.02)
         looked.append(heading)
