@@ -280,6 +280,7 @@ def test_who_watches_a_run_that_dies_is_told_and_ends(tmp_path: Path) -> None:
         "        time.sleep(60)\n"
     )
     with running("-c", program, HEEL_RUNTIME_DIR=str(tmp_path)) as fake:
+        wait_until(lambda: any((tmp_path / "runs").glob("*")), "the note of the run", 20.0)
         with running("-m", "heel", "top", HEEL_RUNTIME_DIR=str(tmp_path)) as top:
             wait_until(lambda: "tracker: gone" in top.stdout(), "a table", 60.0)
             fake.process.kill()
