@@ -187,14 +187,15 @@ class Track:
         half_width = half_height * math.exp(log_aspect)
         return np.array([x - half_width, y - half_height, x + half_width, y + half_height])
 
-    def report(self, t_s: float, pictures: bool, shown: bool) -> Report:
+    def report(self, t_s: float, pictures: bool, shown: bool, unseen_doubt_s: float) -> Report:
         """The track as reported in this frame.
 
         Args:
             t_s: now. pictures: whether descriptors are known.
             shown: whether a user is shown the track, if it is confirmed.
+            unseen_doubt_s: time unseen in which the confidence falls to 1/e.
         """
-        confidence = self.confidence
+        confidence = self.confidence * math.exp(-(t_s - self.seen_s) / unseen_doubt_s)
         if not pictures:
             # Fitted by least squares, and checked on sequences that were left out (see
             # docs/records/association.md). Marginals of neighbouring frames repeat one doubt,

@@ -279,7 +279,8 @@ class PeopleTracker(Generic[Frame]):
 
     def _report(self, track: Track, t_s: float) -> Report:
         at_side = self._recall.at_side(track)
-        return track.report(t_s, self._front.pictures, self._front.shows(track, t_s, at_side))
+        shown = self._front.shows(track, t_s, at_side)
+        return track.report(t_s, self._front.pictures, shown, self._tuning.unseen_doubt_s)
 
     def _note_claim(self, claim: Claim) -> None:
         """Note a re-identification, or the person that a newcomer was compared with and is not."""

@@ -131,6 +131,7 @@ def test_someone_gone_is_first_hidden_then_forgotten_and_the_id_is_not_used_agai
     assert tracks[31].tracks[0].state == "lost"
     assert tracks[31].tracks[0].missed_frames == 2
     assert not tracks[40].tracks[0].shown
+    assert tracks[31].tracks[0].identity_confidence < 1.0
     assert tracks[79].tracks == ()
     later = Walker(GREEN, lambda seq: (100.0 + 4 * (seq - 80), 200.0))
     found = follow(tracker, [later], range(80, 100))
