@@ -34,8 +34,10 @@ def asked(session: zenoh.Session, key: str) -> list[EStop]:
 def test_results_carry_their_stamp_whatever_the_age(
     age_s: float, age_ns: int, sender: zenoh.Session, receiver: zenoh.Session
 ) -> None:
-    with collected(receiver, "out/stream") as samples:
-        out = StreamPublisher(sender, "out/stream", qos.TRACKS, "live", PRODUCER)
+    # A key of each case's own: the listener of the case before may still be the one that matches.
+    key = f"out/stream/{age_ns}"
+    with collected(receiver, key) as samples:
+        out = StreamPublisher(sender, key, qos.TRACKS, "live", PRODUCER)
         wait_until(lambda: out.has_listeners, "a listener")
         message = Progress(stream="front", epoch=1, seq=2)
         out.send(message, age_s)
