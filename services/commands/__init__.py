@@ -16,6 +16,7 @@ from heel.services.commands.scenarios import scenarios
 from heel.services.commands.schema import schema
 from heel.services.commands.status import status
 from heel.services.commands.stopping import resume, stop
+from heel.services.commands.systemd import systemd
 from heel.services.commands.top import top
 from heel.services.commands.track_detections import track_detections
 from heel.services.commands.why import why
@@ -45,3 +46,4 @@ def register_tools(app: typer.Typer) -> None:
     app.command(rich_help_panel=_MEASURE)(scenarios)
     app.command(rich_help_panel=_MEASURE)(calibrate)
     app.command(rich_help_panel=_MEASURE)(schema)
+    app.command(rich_help_panel=_MEASURE)(systemd)

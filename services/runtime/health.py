@@ -14,6 +14,7 @@ from heel.services.runtime import process, qos
 from heel.services.runtime.chain import CHAIN, MISSING
 from heel.services.runtime.counters import ServiceStatistics
 from heel.services.runtime.health_file import HealthFile
+from heel.services.runtime.notify import Notifier
 from heel.services.runtime.presence import Presence
 from heel.services.runtime.shared_memory import SharedMemoryWatch
 
@@ -30,6 +31,7 @@ class HealthReporter(threading.Thread):
 
     Args:
         presence: tells whether the bus is there, and the other parts of the chain.
+        notifier: lets `systemctl status` show the state.
     """
 
     def __init__(
@@ -43,8 +45,10 @@ class HealthReporter(threading.Thread):
         file: HealthFile | None = None,
         presence: Presence | None = None,
         memory: SharedMemoryWatch | None = None,
+        notifier: Notifier | None = None,
     ) -> None:
         super().__init__(name="health", daemon=True)
+        self._notifier = notifier
         self._file, self._presence, self._memory = file, presence, memory
         self._service, self._instance, self._producer = service, instance, producer
         self._statistics = statistics
@@ -82,6 +86,8 @@ class HealthReporter(threading.Thread):
             self._state = health.state
         self.newest = health
         self._publisher.put(encode(health), encoding=Health.encoding())
+        if self._notifier is not None:
+            self._notifier.status(f"{health.state} {health.reason}")
         if self._file is not None and (failure := self._file.renew(health.state, health.reason)):
             self._log.warning("%s", failure)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 import json
 import logging
+import os
 import socket
 import stat
 import threading
@@ -19,6 +20,7 @@ from pydantic import Field
 
 from heel.schemas.errors import HeelError, SettingsError
 from heel.services.runtime.logs import set_up_logging
+from heel.services.runtime.notify import Notifier
 from heel.services.runtime.process import (
     die_with_parent,
     may_lock_memory,
@@ -286,14 +288,16 @@ def _serve(settings: RouterSettings, log: logging.Logger, stop: threading.Event)
     if settings.shared_memory and may_lock_memory() and (reason := why_no_shared_memory()):
         log.warning("no shared memory: %s; using sockets", reason)
         settings = settings.model_copy(update={"shared_memory": False})
-    sweeper = Sweeper()
+    sweeper, notifier = Sweeper(), Notifier(os.environ, log)
     with open_router(settings):
         log.info("router listens on %s", ", ".join(settings.listen))
+        notifier.ready()
         if settings.insecure:
             _warn_if_open(settings, log)
         while not stop.wait(_SWEEP_PERIOD_S):
             OWN.claim_by_size(POOL_BYTES)
             sweeper.sweep(time.monotonic())
+            notifier.alive(time.monotonic())
 
 
 def _warn_if_open(settings: RouterSettings, log: logging.Logger) -> None:

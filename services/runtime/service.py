@@ -32,6 +32,7 @@ from heel.services.runtime.health_file import HealthFile
 from heel.services.runtime.inbox import Arrival, Inbox
 from heel.services.runtime.logs import OncePerSecond, set_up_logging
 from heel.services.runtime.metrics import serving_metrics
+from heel.services.runtime.notify import Notifier
 from heel.services.runtime.places import robot_name
 from heel.services.runtime.presence import Presence
 from heel.services.runtime.publishing import StreamPublisher
@@ -77,6 +78,8 @@ class ServiceContext(Generic[S]):
     """Call once subscriptions are declared: from then on the service counts as present."""
     robot: str
     """Name of the robot in files of this host."""
+    notifier: Notifier
+    """Tells systemd, where it is there, that the service loop lives."""
     warn: OncePerSecond = field(init=False)
 
     def __post_init__(self) -> None:
@@ -85,7 +88,9 @@ class ServiceContext(Generic[S]):
     @property
     def running(self) -> bool:
         """Ask once per turn of the service loop: notes that the loop lives."""
-        self.statistics.loop(time.monotonic())
+        now_s = time.monotonic()
+        self.statistics.loop(now_s)
+        self.notifier.alive(now_s)
         return not self.stop.is_set()
 
     def subscribe(self, topic: str, key: str, qos: TopicQos, primary: bool = True) -> StreamJudge:
@@ -221,6 +226,7 @@ def _serve(
 ) -> None:
     settings = loaded.service
     statistics = ServiceStatistics()
+    notifier = Notifier(os.environ, log)
     producer = f"{name}/{settings.instance}@{secrets.token_hex(4)}"
     with ExitStack() as stack:
         answer_config(stack, session, name, settings.instance, loaded)
@@ -230,8 +236,9 @@ def _serve(
         statistics.details[CAMERA] = settings.camera
         memory = SharedMemoryWatch(POOL_BYTES, statistics) if loaded.zenoh.shared_memory else None
         health = HealthReporter(
-            session, name, settings.instance, producer, statistics, log, file, presence, memory
-        )
+            session, name, settings.instance, producer, statistics, log, file, presence, memory,
+            notifier,
+        )  # fmt: skip
         stack.callback(health.finish)
         if settings.metrics_port is not None:
             stack.enter_context(serving_metrics(settings.metrics_port, lambda: health.newest))
@@ -241,15 +248,17 @@ def _serve(
             process.spare_from_collection()
             token = session.liveliness().declare_token(keys.alive(name, settings.instance))
             stack.callback(token.undeclare)
+            notifier.ready()
             log.info("%s is up", producer)
 
         health.start()
         context = ServiceContext(
             name, settings, session, inbox, statistics, log, producer,
             loaded.zenoh.shared_memory, stop, announce,
-            robot_name(loaded.zenoh),
+            robot_name(loaded.zenoh), notifier,
         )  # fmt: skip
         main(context)
+        notifier.stopping()
         log.info("%s ends: received %d, sent %d, dropped %d, malformed %d", producer,
                  statistics.received, statistics.sent, statistics.dropped,
                  statistics.malformed)  # fmt: skip

@@ -101,6 +101,10 @@ ELSEWHERE = {
     "heel hz tracks": _TOOLS + "test_how_often_and_how_much_comes_is_told",
     "heel bw": _TOOLS + "test_how_often_and_how_much_comes_is_told",
     "heel echo state": _TOOLS + "test_messages_are_told_decoded",
+    "heel systemd units --config /etc/heel/heel.toml --udev":
+        "tests/unit/commands/test_systemd.py::test_a_stack_and_settings_of_ones_own",
+    "heel systemd --user":
+        "tests/unit/commands/test_systemd.py::test_the_users_own_units_are_where_systemd_looks",
     "heel router": _SERVICES,
     "heel capture scene:demo --loop": _SERVICES,
     "heel detector": _SERVICES,

@@ -13,6 +13,7 @@ from heel.schemas import Progress
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
 from heel.services.runtime.counters import ServiceStatistics
+from heel.services.runtime.notify import Notifier
 from heel.services.runtime.service import ServiceContext
 from heel.services.runtime.settings import ServiceSettings
 
@@ -24,7 +25,7 @@ def context() -> ServiceContext[ServiceSettings]:
         name="tracker", settings=ServiceSettings(), session=nothing, inbox=nothing,
         statistics=ServiceStatistics(), log=logging.getLogger("heel.test"),
         producer="tracker/main@00000001", shared_memory=False, stop=threading.Event(),
-        announce=lambda: None, robot="robot",
+        announce=lambda: None, robot="robot", notifier=Notifier({}, logging.getLogger("heel.test")),
     )  # fmt: skip
 
 
