@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import logging
-from typing import Literal
+from typing import Literal, get_args
 
 import cv2
+import msgpack
 import numpy as np
 
 from heel.schemas import Blobs, CameraMotion, Track, Tracks
+from heel.schemas.base import MAX_DIMENSION_PX
 from heel.services.geometry.calibration_file import Calibration, read_calibration
+from heel.services.runtime.state_bytes import StateError, read_state, write_state
 from heel.services.tracker.boxes.detected_people import DetectedPeople
 from heel.services.tracker.evidence.evidence_tracker import EvidenceTracker
 from heel.services.tracker.paper.tracker import BlobTracker
 from heel.services.tracker.settings import Input, TrackerSettings
 from heel.services.tracker.sought import SoughtTracker
+from heel.services.tracker.state import CLASSES, MAX_BYTES, TrackerState
 from heel.services.tracker.timing import FrameClock
 from heel.services.tracker.trace import Changes, Event, Trace
 
@@ -58,6 +62,12 @@ class Tracker:
         self._first_ns: int | None = None
         self._evidence_size: tuple[int, ...] | None = None
         self._method: Method | None = None
+        self._next_id = 1
+
+    @property
+    def next_id(self) -> int:
+        """The id that the next newcomer gets."""
+        return self._next_id if self._method is None else self._method.next_id
 
     def update(self, blobs: Blobs) -> Tracks:
         """Take in one frame.
@@ -85,7 +95,10 @@ class Tracker:
             self._scene, self._evidence_size = scene, size
             self._clock = FrameClock()
             self._changes.forget()
-            method = self._method = self._started(blobs, 1 if method is None else method.next_id)
+            next_id = self._next_id if method is None else method.next_id
+            method = self._method = self._started(
+                _input(blobs), (blobs.width, blobs.height), next_id
+            )
             self._note_input(blobs, method)
         dt_s = self._clock.elapsed_s(blobs.t_capture_ns)
         if isinstance(method, EvidenceTracker):
@@ -113,8 +126,52 @@ class Tracker:
         if isinstance(self._method, EvidenceTracker):
             self._method.settle()
 
-    def _started(self, blobs: Blobs, next_id: int) -> Method:
-        kind, size = _input(blobs), (blobs.width, blobs.height)
+    def snapshot(self) -> bytes | None:
+        """All that the next frame's tracks depend on, for `restore`; None before the first frame.
+
+        The published method (preset paper) has no snapshot: it is run as printed.
+        """
+        self.settle()
+        method = self._method
+        if method is None or isinstance(method, BlobTracker) or self._scene is None:
+            return None
+        state = TrackerState(
+            self._scene, self._evidence_size, self._first_ns, self._clock, self._changes, method
+        )
+        whole: bytes = msgpack.packb(
+            {"input": self._kind, "size": self._size,
+             "state": write_state(state, CLASSES, self._fingerprint())}
+        )  # fmt: skip
+        return whole
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go on from a snapshot of a tracker with the same settings.
+
+        The tracks of all further frames are those that it would have given, byte for byte.
+
+        Raises:
+            StateError: it is no snapshot, or one of other settings or of another version; nothing
+                has changed then.
+        """
+        kind, size, packed = _opened(snapshot)
+        changes = Changes(self._trace)
+        fresh = self._started(kind, size, 1)
+        if isinstance(fresh, BlobTracker):
+            raise StateError("state of the tracker: preset paper has none: leave out --standby")
+        begun = TrackerState(None, None, None, FrameClock(), changes, fresh)
+        state = read_state(packed, begun, CLASSES, self._fingerprint(), MAX_BYTES)
+        self._kind, self._size = kind, size
+        self._scene, self._evidence_size = state.scene, state.evidence_size
+        self._first_ns, self._clock, self._changes = state.first_ns, state.clock, state.changes
+        self._method = state.method
+
+    def _fingerprint(self) -> str:
+        """What tells the settings that people rest on from others."""
+        fields = {name: getattr(self.settings, name) for name in TrackerSettings.model_fields}
+        return repr([*sorted(fields.items()), self._calibration])
+
+    def _started(self, kind: Input, size: tuple[int, int], next_id: int) -> Method:
+        self._kind, self._size = kind, size
         if kind == "people":
             return DetectedPeople(size, next_id, self.settings, self._trace)
         if kind == "foreground" and self.settings.preset == "paper":
@@ -124,6 +181,21 @@ class Tracker:
         if self._calibration is not None:
             _log.warning("tracker.calibration has no part in tracking a person pointed at")
         return SoughtTracker(next_id, self.settings.reporting(kind), self.settings.identify)
+
+
+def _opened(snapshot: bytes) -> tuple[Input, tuple[int, int], bytes]:
+    """What kind of messages a snapshot is of, their size in pixels, and the state."""
+    try:
+        unpacked = msgpack.unpackb(snapshot, max_bin_len=MAX_BYTES, max_map_len=8, max_array_len=8)
+        kind, (width, height), packed = (unpacked[name] for name in ("input", "size", "state"))
+        if kind not in get_args(Input) or not isinstance(packed, bytes):
+            raise ValueError
+        if not (0 < int(width) <= MAX_DIMENSION_PX and 0 < int(height) <= MAX_DIMENSION_PX):
+            raise ValueError
+    except Exception:
+        # msgpack has no common error for bad input, see `heel.schemas.codec`.
+        raise StateError("that is no snapshot of a tracker") from None
+    return kind, (int(width), int(height)), packed
 
 
 def configured(settings: TrackerSettings, trace: Trace | None = None) -> Tracker:

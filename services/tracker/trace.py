@@ -128,7 +128,7 @@ class Trace:
 
 
 @dataclass(slots=True)
-class _Known:
+class Known:
     """What was last noted of an id."""
 
     confirmed: bool = False
@@ -143,7 +143,7 @@ class Changes:
     def __init__(self, trace: Trace) -> None:
         """Start without tracks."""
         self._trace = trace
-        self._known: dict[int, _Known] = {}
+        self._known: dict[int, Known] = {}
 
     def forget(self) -> None:
         """All tracks have been forgotten at once, as another scene begins."""
@@ -169,7 +169,7 @@ class Changes:
         trace, state = self._trace, track.state
         known = self._known.get(track.id)
         if known is None:
-            known = self._known[track.id] = _Known(seen_s=trace.t_s)
+            known = self._known[track.id] = Known(seen_s=trace.t_s)
             if state == "new":
                 trace.note(Event("born", id=track.id))
         if not known.confirmed and state != "new":
@@ -185,7 +185,7 @@ class Changes:
             known.unsure = False
             trace.note(_doubt("sure", track))
 
-    def _sight(self, track: Track | Report, known: _Known, state: TrackState) -> None:
+    def _sight(self, track: Track | Report, known: Known, state: TrackState) -> None:
         if state in ("new", "tracked"):
             known.seen_s = self._trace.t_s
             if known.unseen:

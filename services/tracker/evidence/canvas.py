@@ -84,7 +84,7 @@ class Canvas:
         self.rows, self.columns = size
         self.tallest = tallest
         self.step = step
-        self._ratio = ratio
+        self.ratio = ratio
         self._reduced_size = (max(self.columns // step, 1), max(self.rows // step, 1))
         margin = self.margin = int(_MARGIN_HEIGHTS * tallest / step) + _MARGIN_PX
         self.inner = (slice(margin, -margin), slice(margin, -margin))
@@ -112,7 +112,7 @@ class Canvas:
 
     def template(self, height: float) -> Template:
         """Silhouette of a person `height` working pixels high, in reduced pixels."""
-        return template(height / self.step, self._ratio)
+        return template(height / self.step, self.ratio)
 
     def add(self, shape: Template, foot: Foot, sign: float = 1.0) -> None:
         """Place a person (sign 1) or take the person out again (sign -1)."""

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from heel.services.tracker.evidence.arrays import FloatMap, Floats
 from heel.services.tracker.evidence.coverage import explained_share, reduce, reduction
@@ -77,6 +78,38 @@ _REFINED_AT_ONCE = 8
 """Lines refined in one step of a refit: a step takes a millisecond or two; chosen by hand."""
 
 
+@dataclass(eq=False)
+class Refit:
+    """A refit on its way.
+
+    Attributes:
+        shift: of the rows when it began, working pixels.
+        typical: median height of the samples, working pixels.
+        foot, height: of the samples, (N,).
+        evidence: (H, W) of the frame it began with.
+        drawn: lines through samples, those that most samples agree with first.
+        agreeing: (len(drawn), N), which samples agree.
+        place: of the next drawn line to be refined.
+        candidates: lines to be compared on the evidence, the present one first.
+        scores: of those that have been.
+        searching: whether candidates are still looked for.
+    """
+
+    shift: float
+    typical: float
+    foot: Floats
+    height: Floats
+    evidence: FloatMap
+    drawn: list[Line] = field(default_factory=list)
+    agreeing: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), np.bool_))
+    place: int = 0
+    candidates: list[Line] = field(default_factory=list)
+    scores: list[float] = field(default_factory=list)
+    searching: bool = True
+    reduced: dict[int, FloatMap] = field(default_factory=dict)
+    """Of the evidence, by factor; computed when it is needed."""
+
+
 class SceneScale:
     """Height line and whether it may be used.
 
@@ -115,7 +148,7 @@ class SceneScale:
         self._blobs: deque[tuple[float, float]] = deque(maxlen=_BLOB_VOTES)
         self._people: dict[int, deque[tuple[float, float]]] = {}
         self._frame = 0
-        self._refit: Iterator[bool] | None = None
+        self._refit: Refit | None = None
         self._given = given is not None
         if given is not None:
             self._line = self._anchor = given
@@ -173,44 +206,80 @@ class SceneScale:
         self._believed = believed
         self._frame += 1
         if self._refit is None and self._is_due():
-            self._refit = self._steps(evidence)
+            self._refit = self._begun(evidence)
         if self._refit is None:
             return
-        finished = next(self._refit, True)
+        finished = self._step(self._refit)
         while not finished and not self.settled:
-            finished = next(self._refit, True)
+            finished = self._step(self._refit)
         if finished:
             self._refit = None
 
-    def _steps(self, evidence: FloatMap) -> Iterator[bool]:
-        """One refit in steps of a millisecond or two; yields False while there is more to do."""
-        shift = self._shift
+    def _begun(self, evidence: FloatMap) -> Refit | None:
+        """A refit to the samples there are, if there are any."""
         votes = [vote for votes in self._people.values() for vote in votes]
         data = np.array(votes if self.settled else [*self._blobs, *votes])
         if len(data) == 0:
-            return
+            return None
         typical = float(np.median(data[:, 1]))
-        candidates: list[Line] = []
-        for _ in self._candidates(data[:, 0], data[:, 1], candidates):
-            yield False
-        if not candidates:
-            return
-        if float(evidence.sum()) < 0.1 * self._smallest**2:
-            return
-        if self._believed:  # before, what moves is seen twice
-            self._runs.add(evidence, shift)
-        reduced: dict[int, FloatMap] = {}
-        scores = []
-        for line in candidates:
-            # Samples may be parts of people that are far higher, whose templates take long.
-            step = max(reduction(typical), math.ceil(line.height(self.rows) / _TALLEST_ROWS))
-            if step not in reduced:
-                reduced[step] = reduce(evidence, 1.0 - evidence, step)
-            share = explained_share(reduced[step], step, line.moved(shift), self._smallest)
-            overlong = self._runs.overlong(line)
-            scores.append(share - (overlong if overlong > _OVERLONG_SHARE else 0.0))
-            yield False
-        self._choose(candidates, scores, typical, len(data))
+        refit = Refit(self._shift, typical, data[:, 0], data[:, 1], evidence)
+        lines = self._drawn(refit.foot, refit.height)
+        if self.known:
+            refit.candidates.append(self._polished(refit.foot, refit.height))
+        if lines:
+            # MSAC, Torr & Zisserman 2000.
+            table = np.array(lines)
+            predicted = np.maximum(table[:, :1] * refit.foot + table[:, 1:], 0.03 * self.rows)
+            error2 = np.minimum((refit.height / predicted - 1.0) ** 2, _TOLERANCE**2)
+            order = np.argsort(error2.sum(axis=1), kind="stable")
+            refit.drawn = [Line(float(slope), float(offset)) for slope, offset in table[order]]
+            refit.agreeing = error2[order] < _TOLERANCE**2
+        return refit
+
+    def _step(self, refit: Refit) -> bool:
+        """A millisecond or two of a refit; whether it is finished."""
+        if refit.searching:
+            if self._refine(refit):
+                return False
+            refit.searching = False
+            too_little = float(refit.evidence.sum()) < 0.1 * self._smallest**2
+            if not refit.candidates or too_little:
+                return True
+            if self._believed:  # before, what moves is seen twice
+                self._runs.add(refit.evidence, refit.shift)
+        if len(refit.scores) < len(refit.candidates):
+            self._compare(refit)
+            return False
+        self._choose(refit.candidates, refit.scores, refit.typical, len(refit.foot))
+        return True
+
+    def _refine(self, refit: Refit) -> bool:
+        """Refine the next few drawn lines into candidates; whether there may be more."""
+        best = slice(refit.place, refit.place + _REFINED_AT_ONCE)
+        refit.place = best.stop
+        drawn, rows = refit.drawn[best], np.percentile(refit.foot, [5, 95])
+        rows = rows + np.array([-0.1, 0.1]) * self.rows
+        if not drawn:
+            return False
+        agreeing = refit.agreeing[best]
+        for line in refined(drawn, refit.foot, refit.height, agreeing, self.rows):
+            if all(_differ(line, other, rows) for other in refit.candidates):
+                refit.candidates.append(line)
+            if len(refit.candidates) >= _CANDIDATES:
+                return False
+        return len(drawn) == _REFINED_AT_ONCE
+
+    def _compare(self, refit: Refit) -> None:
+        """Score the next candidate by the evidence that its people explain."""
+        line = refit.candidates[len(refit.scores)]
+        # Samples may be parts of people that are far higher, whose templates take long.
+        step = max(reduction(refit.typical), math.ceil(line.height(self.rows) / _TALLEST_ROWS))
+        if step not in refit.reduced:
+            refit.reduced[step] = reduce(refit.evidence, 1.0 - refit.evidence, step)
+        moved = line.moved(refit.shift)
+        share = explained_share(refit.reduced[step], step, moved, self._smallest)
+        overlong = self._runs.overlong(line)
+        refit.scores.append(share - (overlong if overlong > _OVERLONG_SHARE else 0.0))
 
     def _is_due(self) -> bool:
         if self.settled:
@@ -242,33 +311,6 @@ class SceneScale:
             # The heights of people that were placed by a wrong line say nothing.
             self.refuted += 1
             self._people.clear()
-
-    def _candidates(self, foot: Floats, height: Floats, chosen: list[Line]) -> Iterator[None]:
-        """Fill `chosen` with the present line, then lines that most samples agree with.
-
-        MSAC, Torr & Zisserman 2000. Pauses after every few refinements.
-        """
-        lines = self._drawn(foot, height)
-        if self.known:
-            chosen.append(self._polished(foot, height))
-        if not lines:
-            return
-        table = np.array(lines)
-        predicted = np.maximum(table[:, :1] * foot + table[:, 1:], 0.03 * self.rows)
-        error2 = np.minimum((height / predicted - 1.0) ** 2, _TOLERANCE**2)
-        rows = np.percentile(foot, [5, 95]) + np.array([-0.1, 0.1]) * self.rows
-        order = np.argsort(error2.sum(axis=1), kind="stable")
-        for start in range(0, len(order), _REFINED_AT_ONCE):
-            best = order[start : start + _REFINED_AT_ONCE]
-            drawn = [Line(float(slope), float(offset)) for slope, offset in table[best]]
-            agreeing = error2[best] < _TOLERANCE**2
-            for line in refined(drawn, foot, height, agreeing, self.rows):
-                if all(_differ(line, other, rows) for other in chosen):
-                    chosen.append(line)
-                if len(chosen) >= _CANDIDATES:
-                    return
-            if len(best) == _REFINED_AT_ONCE:
-                yield
 
     def _drawn(self, foot: Floats, height: Floats) -> list[tuple[float, float]]:
         """Slope and offset of lines through two samples each, or one sample and a horizon."""

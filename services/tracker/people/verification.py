@@ -71,7 +71,7 @@ class Verification:
         confidence: of before.
         newcomers: that overlapped with it.
         own: log odds of the track's descriptors since, by either gallery.
-        theirs: the same of each newcomer, by its `id()`.
+        theirs: the same of each newcomer.
         clear_s: time in which the track has been seen alone.
     """
 
@@ -80,7 +80,7 @@ class Verification:
     confidence: float
     newcomers: list[Track] = field(default_factory=list)
     own: Odds = field(default_factory=_no_odds)
-    theirs: dict[int, Odds] = field(default_factory=dict)
+    theirs: dict[Track, Odds] = field(default_factory=dict)
     clear_s: float = 0.0
 
     def evidence(self) -> tuple[float, float] | None:
@@ -108,19 +108,19 @@ class Verifications:
         """Start without doubts."""
         self._looks = looks
         self._trace = trace or Trace()
-        self._open: dict[int, Verification] = {}
+        self._open: dict[Track, Verification] = {}
 
     def open(self, track: Track) -> bool:
         """Whether a track is in doubt."""
-        return id(track) in self._open
+        return track in self._open
 
     def close(self, track: Track) -> None:
         """Its id is given up: nothing is left to be verified."""
-        self._open.pop(id(track), None)
+        self._open.pop(track, None)
 
     def keeps_from_learning(self, track: Track) -> bool:
         """Whether a descriptor may be another person's: it does not fit both galleries."""
-        doubt = self._open.get(id(track))
+        doubt = self._open.get(track)
         return doubt is not None and not (doubt.own and min(doubt.own[-1]) > 0)
 
     def note_newcomers(self, tracks: Sequence[Track], t_s: float) -> None:
@@ -168,7 +168,7 @@ class Verifications:
             elif evidence < _CONFIRMED and doubt.clear_s < _SETTLE_S:
                 continue
             doubt.track.confidence = doubt.kept()
-            del self._open[id(doubt.track)]
+            del self._open[doubt.track]
             if self._trace.on:
                 self._trace.note(_outcome(doubt, evidence))
         return refuted
@@ -178,16 +178,16 @@ class Verifications:
         odds = self._looks.compare(list(doubt.galleries), looks).T.tolist()
         for track, value in zip(seen, odds, strict=True):
             own = track is doubt.track
-            (doubt.own if own else doubt.theirs.setdefault(id(track), _no_odds())).append(value)
+            (doubt.own if own else doubt.theirs.setdefault(track, _no_odds())).append(value)
         return seen[0] is doubt.track
 
     def _note(self, track: Track, newcomer: Track, share: float) -> None:
-        doubt = self._open.get(id(track))
+        doubt = self._open.get(track)
         if doubt is None:
             now, before = track.gallery.copy(), track.gallery_before()
             known = before if before.looks >= _KNOWN_LOOKS else now
             doubt = Verification(track, (known, now), track.confidence)
-            self._open[id(track)] = doubt
+            self._open[track] = doubt
             if self._trace.on:
                 self._trace.note(Event("verifying", id=track.track_id, other=newcomer.track_id))
         elif share > _TOGETHER:
@@ -198,12 +198,12 @@ class Verifications:
 
     def _drop(self, tracks: Sequence[Track]) -> None:
         """Forget tracks that have ended: without its newcomer a doubt has no ground."""
-        known = {id(track) for track in tracks}
-        for key, doubt in list(self._open.items()):
-            doubt.newcomers = [track for track in doubt.newcomers if id(track) in known]
-            doubt.theirs = {who: odds for who, odds in doubt.theirs.items() if who in known}
-            if key not in known or not doubt.newcomers:
-                del self._open[key]
+        known = set(tracks)
+        for track, doubt in list(self._open.items()):
+            doubt.newcomers = [one for one in doubt.newcomers if one in known]
+            doubt.theirs = {one: odds for one, odds in doubt.theirs.items() if one in known}
+            if track not in known or not doubt.newcomers:
+                del self._open[track]
                 if self._trace.on:
                     self._trace.note(
                         Event(
