@@ -23,11 +23,13 @@ import numpy as np
 from heel.schemas.errors import HeelError
 
 _FORMAT = 1
+"""Goes up when the way of writing changes; what is written tells the rest by itself."""
 _MAX_DEPTH = 16
 """Of containers in containers; ours have three."""
 _MAX_ITEMS = 1_000_000
 """Of one container; chosen by hand."""
 _MAX_AXES = 8
+"""Of an array; ours have three."""
 _ARRAY_KINDS = "biuf"
 """Of numbers and truth values: objects would be pickled."""
 
