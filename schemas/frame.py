@@ -117,6 +117,11 @@ class CameraInfo(Message):
         default=None, description="camera above the ground; none: not known"
     )
     mount_pitch_rad: Real | None = Field(default=None, description="down is positive")
+    host: Annotated[str, Field(strict=True, pattern=r"^[0-9a-f-]{0,64}$")] = Field(
+        default="",
+        description="of the camera's process, named as in `taken.clock`; where it is named the "
+        "frames can be had as JPEG, too",
+    )
 
 
 class EndOfStream(Message):

@@ -22,12 +22,15 @@ ROBOT_RANGE = "robot/range"
 ROBOT_DRIVE = "robot/drive"
 SIM_TRUTH = "sim/truth"
 SIM_WORLD = "sim/world"
+ROUTER_VERSION = "svc/router/main/version"
+"""Heel's routers answer here which software they are, and on which host."""
 ALL_HEALTH = "svc/*/*/health"
 ALL_CONFIG = "svc/*/*/config"
 ALL_ALIVE = "alive/*/*"
 ALL_TRACKS = "cam/*/tracks"
 TOPICS = {
     "image": "cam/*/image",
+    "jpeg": "cam/*/jpeg",
     "taken": "cam/*/taken",
     "info": "cam/*/info",
     "blobs": "cam/*/blobs",
@@ -64,8 +67,13 @@ def chunk(name: str, what: str = "name") -> str:
 
 
 def image(camera: str) -> str:
-    """Pixels as payload, `Header` as attachment."""
+    """Raw pixels as payload, `Header` as attachment."""
     return f"cam/{chunk(camera, 'camera')}/image"
+
+
+def jpeg(camera: str) -> str:
+    """The same frames as `image`, as JPEG, for other hosts: sent while somebody listens."""
+    return f"cam/{chunk(camera, 'camera')}/jpeg"
 
 
 def info(camera: str) -> str:

@@ -16,7 +16,6 @@ from heel.schemas import (
     Progress,
     Taken,
     decode,
-    encode,
     keys,
 )
 from heel.schemas.errors import SettingsError
@@ -32,7 +31,7 @@ from heel.services.capture.video_device import VideoDeviceFormat
 from heel.services.runtime import qos
 from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.frame_memory import FrameMemory
-from heel.services.runtime.images import ImageCoding, StreamIdentity, pack_image
+from heel.services.runtime.images import ImagePublisher, StreamIdentity, image_header
 from heel.services.runtime.pacing import Pacer
 from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
@@ -59,17 +58,16 @@ class CaptureService:
             epoch=secrets.randbits(63) if epoch is None else epoch,
             producer=context.producer,
         )
-        self._coding = ImageCoding(context.settings.image_encoding, context.settings.jpeg_quality)
         self._pacer = None if self._lossless or source.is_live else Pacer(source.fps)
         self._credit = CreditWindow(
             context.settings.await_consumers, self._identity.epoch, qos.LOSSLESS_WINDOW_FRAMES
         )
-        self._out = context.publisher(keys.image(context.settings.camera), qos.IMAGE)
         self._taken = context.publisher(keys.taken(context.settings.camera), qos.TAKEN)
         self._memory: FrameMemory | None = None
-        if context.shared_memory and context.settings.image_encoding == "raw":
+        if context.shared_memory:
             frames = qos.LOSSLESS_WINDOW_FRAMES + 2 if self._lossless else _LIVE_FRAMES
             self._memory = FrameMemory(frames, context.log)
+        self._out = ImagePublisher(context, context.settings.jpeg_quality, self._memory)
         self._info: Latched | None = None
         self._seq = 0
         self._shape: tuple[int, ...] | None = None
@@ -83,7 +81,7 @@ class CaptureService:
             self._make_room()
             context.announce()
             if self._lossless:
-                self._await(lambda: self._out.has_listeners, "a listener on the image topic")
+                self._await(lambda: self._out.raw.has_listeners, "a listener on the image topic")
             context.log.info("%s: %dx%d at %g frames/s", self._source.name, self._source.width,
                              self._source.height, self._source.fps)  # fmt: skip
             try:
@@ -167,12 +165,11 @@ class CaptureService:
         )
         frame = replace(frame, image=fit_to_cap(frame.image))
         self._describe(frame)
-        header, payload = pack_image(
+        header = image_header(
             self._identity, frame.image, (self._seq, frame.index),
-            (frame.source_width, frame.source_height), t_capture_ns, age_ns, self._coding,
+            (frame.source_width, frame.source_height), t_capture_ns, age_ns,
         )  # fmt: skip
-        held = payload if self._memory is None else self._memory.hold(payload)
-        self._out.send_bytes(held, header.image_encoding, encode(header))
+        self._out.send(header, frame.image)
         self._seq += 1
         now_ns = time.monotonic_ns()
         self._context.statistics.input(acquired_ns * 1e-9)
@@ -214,6 +211,7 @@ class CaptureService:
                 horizontal_fov_rad=self._mounting.horizontal_fov_rad,
                 mount_height_m=self._mounting.mount_height_m,
                 mount_pitch_rad=self._mounting.mount_pitch_rad,
+                host=monotonic_clock(),
             )
         )
 

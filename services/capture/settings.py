@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
@@ -36,10 +36,9 @@ class CaptureSettings(ServiceSettings):
     )  # fmt: skip
     loop: bool = Field(False, description="play a recording again and again")
     frames: int | None = Field(None, ge=1, description="end after this many frames")
-    image_encoding: Literal["raw", "jpeg"] = Field(
-        "raw", description="raw on one host (shared memory), jpeg across a network"
+    jpeg_quality: int = Field(
+        90, ge=1, le=100, description="quality of the JPEGs that go to other hosts, percent"
     )
-    jpeg_quality: int = Field(90, ge=1, le=100, description="JPEG quality, percent")
     await_consumers: Annotated[tuple[Name, ...], BeforeValidator(split_list)] = Field(
         (), description="lossless: whose progress lets further frames go, comma separated"
     )

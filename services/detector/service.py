@@ -45,7 +45,7 @@ class DetectorService:
         self._detector = Detector(context.settings, time.monotonic if live else None)
         self._feedback = FeedbackBuffer(context.settings.feedback_lag_frames)
         camera = context.settings.camera
-        self._images = context.subscribe("image", keys.image(camera), qos.IMAGE)
+        self._images = context.subscribe_images(qos.IMAGE)
         self._tracks = context.subscribe("tracks", keys.tracks(camera), qos.TRACKS, primary=False)
         if live:
             # In a lossless run what is found depends on the pictures alone.

@@ -1,15 +1,18 @@
-"""From pixels to what goes on the wire: header and payload."""
+"""From pixels to what goes on the wire: raw for the camera's own host, JPEG for others."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.schemas import Header
+from heel.schemas import EndOfStream, Header, encode, keys
 from heel.schemas.image import JPEG, RAW, encode_image
+from heel.services.runtime import qos
+from heel.services.runtime.frame_memory import FrameMemory
+from heel.services.runtime.publishing import StreamPublisher
+from heel.services.runtime.service import S, ServiceContext
 
 
 @dataclass(frozen=True)
@@ -21,24 +24,15 @@ class StreamIdentity:
     producer: str
 
 
-@dataclass(frozen=True)
-class ImageCoding:
-    """How pixels travel: raw on one host, JPEG of a quality in percent across a network."""
-
-    encoding: Literal["raw", "jpeg"] = "raw"
-    jpeg_quality: int = 90
-
-
-def pack_image(
+def image_header(
     identity: StreamIdentity,
     image: NDArray[np.uint8],
     numbers: tuple[int, int],
     source_size: tuple[int, int],
     t_capture_ns: int,
     age_ns: int,
-    coding: ImageCoding,
-) -> tuple[Header, bytes]:
-    """Header and payload of one frame.
+) -> Header:
+    """Header of one frame as it is sent raw.
 
     Args:
         identity: of the stream.
@@ -47,11 +41,10 @@ def pack_image(
         source_size: width and height before anything scaled it, pixels.
         t_capture_ns: acquisition time.
         age_ns: monotonic time since then.
-        coding: how the pixels travel.
     """
     height, width = image.shape[:2]
     seq, index = numbers
-    header = Header(
+    return Header(
         stream=identity.stream,
         epoch=identity.epoch,
         seq=seq,
@@ -61,8 +54,52 @@ def pack_image(
         height=height,
         source_width=source_size[0],
         source_height=source_size[1],
-        image_encoding=RAW if coding.encoding == "raw" else JPEG,
+        image_encoding=RAW,
         producer=identity.producer,
         age_ns=age_ns,
     )
-    return header, encode_image(image, header.image_encoding, coding.jpeg_quality)
+
+
+class ImagePublisher:
+    """Sends the frames of one camera on its two image topics, to each while somebody listens.
+
+    In a lossless run every frame goes out raw: what waits for it may not be known here yet.
+
+    Args:
+        context: of the service.
+        jpeg_quality: percent.
+        memory: shared memory for raw frames; None sends them as they are.
+    """
+
+    def __init__(
+        self, context: ServiceContext[S], jpeg_quality: int,
+        memory: FrameMemory | None,
+    ) -> None:  # fmt: skip
+        camera, producer = context.settings.camera, context.producer
+        self._quality = jpeg_quality
+        self._memory = memory
+        self._lossless = context.settings.delivery == "lossless"
+        self.raw = context.publisher(keys.image(camera), qos.IMAGE)
+        # Viewers elsewhere are live also where the pipeline runs lossless.
+        self._jpeg = StreamPublisher(context.session, keys.jpeg(camera), qos.JPEG, "live", producer)
+
+    def send(self, header: Header, image: NDArray[np.uint8]) -> None:
+        """Send one frame, raw first: coding takes some milliseconds.
+
+        Args:
+            header: of the raw frame.
+            image: (H, W, 3) uint8 BGR.
+        """
+        if self._lossless or self.raw.has_listeners:
+            payload = encode_image(image, RAW)
+            held = payload if self._memory is None else self._memory.hold(payload)
+            self.raw.send_bytes(held, RAW, encode(header))
+        if self._jpeg.has_listeners:
+            coded = header.model_copy(update={"image_encoding": JPEG})
+            payload = encode_image(image, JPEG, self._quality)
+            self._jpeg.send_bytes(payload, JPEG, encode(coded))
+
+    def end(self, message: EndOfStream) -> None:
+        """Announce on both that nothing more follows in this epoch."""
+        self.raw.end(message)
+        self._jpeg.end(message)

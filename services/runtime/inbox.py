@@ -8,6 +8,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import zenoh
@@ -67,7 +68,9 @@ class Inbox:
         self._ready = threading.Condition()
         self._interrupted = False
         self._rings: dict[str, deque[Arrival]] = {}
-        self._pumps: list[tuple[_Subscriber, threading.Thread]] = []
+        self._pumps: list[tuple[str, _Subscriber, threading.Thread]] = []
+        self._changing = threading.Lock()
+        self._closed = False
         self.overflowed: dict[str, int] = {}
         """Messages that gave way to newer ones, per topic."""
 
@@ -75,15 +78,41 @@ class Inbox:
         return self
 
     def __exit__(self, *error: object) -> None:
-        for subscriber, _ in self._pumps:
+        with self._changing:
+            self._closed = True
+        for _, subscriber, _ in self._pumps:
             subscriber.undeclare()  # type: ignore[no-untyped-call]
-        for _, thread in self._pumps:
+        for _, _, thread in self._pumps:
             thread.join(timeout=1.0)
 
     def subscribe(self, topic: str, key: str, qos: TopicQos) -> None:
         """Receive `key` under the name `topic`."""
         subscriber = self._session.declare_subscriber(key, RingChannel(qos.capacity))
         self._keep(topic, subscriber, qos.capacity, qos.max_bytes)
+
+    def move(self, topic: str, key: str, qos: TopicQos) -> None:
+        """Receive `topic` on another key from now on; what waits in its ring stays."""
+        with self._changing:
+            if self._closed:
+                return
+            former = [pump for pump in self._pumps if pump[0] == topic]
+            self._pumps = [pump for pump in self._pumps if pump[0] != topic]
+            self.subscribe(topic, key, qos)
+        for _, subscriber, _ in former:
+            subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+    def hear(self, key: str, qos: TopicQos, take: Callable[[Arrival], None]) -> None:
+        """Pass what comes on `key` to `take`, in a thread of its own and past every ring.
+
+        `take` may use the session, which a callback of Zenoh's may not.
+        """
+        subscriber = self._session.declare_subscriber(key, RingChannel(qos.capacity))
+
+        def pass_on() -> None:
+            for sample in subscriber:
+                take(Arrival(key, str(sample.key_expr), sample, time.monotonic()))
+
+        self._start(key, subscriber, pass_on)
 
     def subscribe_alive(self, topic: str, key: str, capacity: int = 64) -> None:
         """Receive liveliness tokens, those that are there already included, as `topic`."""
@@ -94,13 +123,11 @@ class Inbox:
     def _keep(self, topic: str, subscriber: _Subscriber, capacity: int, max_bytes: int) -> None:
         self._rings.setdefault(topic, deque(maxlen=capacity))
         self.overflowed.setdefault(topic, 0)
-        thread = threading.Thread(
-            target=self._pump,
-            args=(topic, subscriber, max_bytes),
-            name=f"inbox-{topic}",
-            daemon=True,
-        )
-        self._pumps.append((subscriber, thread))
+        self._start(topic, subscriber, lambda: self._pump(topic, subscriber, max_bytes))
+
+    def _start(self, topic: str, subscriber: _Subscriber, work: Callable[[], None]) -> None:
+        thread = threading.Thread(target=work, name=f"inbox-{topic}", daemon=True)
+        self._pumps.append((topic, subscriber, thread))
         thread.start()
 
     def _pump(self, topic: str, subscriber: _Subscriber, max_bytes: int) -> None:

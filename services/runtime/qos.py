@@ -78,6 +78,7 @@ _P = zenoh.Priority
 # Priority; what happens when the link is full; express; how many a receiver that is behind keeps,
 # one where only the newest counts; largest message, bytes.
 IMAGE = TopicQos(_P.DATA_LOW, _BLOCK_FIRST, True, 1, MAX_IMAGE_BYTES)
+JPEG = IMAGE  # the same frames for other hosts
 TAKEN = TopicQos(_P.REAL_TIME, _DROP, True, 64, Taken.max_bytes)
 BLOBS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Blobs.max_bytes)
 TRACKS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Tracks.max_bytes)

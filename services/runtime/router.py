@@ -18,7 +18,9 @@ from pathlib import Path
 import zenoh
 from pydantic import Field
 
+from heel.schemas import keys
 from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.logs import set_up_logging
 from heel.services.runtime.notify import Notifier
 from heel.services.runtime.process import (
@@ -56,8 +58,6 @@ _SMALL_QUERIES = {
     "size_limit": 1 << 16,
 }  # fmt: skip
 """Zenoh keeps up to 256 queries for the one that answers them; ours have less than 4 kB."""
-VERSION_KEY = "svc/router/main/version"
-"""Heel's routers answer here which software they are, for `heel doctor`."""
 _SWEEP_PERIOD_S = 1.0
 """Seconds between two looks for memory that dead processes left; chosen by hand."""
 
@@ -228,14 +228,17 @@ def open_router(settings: RouterSettings) -> Iterator[zenoh.Session]:
 
 @contextmanager
 def _telling_version(session: zenoh.Session) -> Iterator[None]:
-    told = json.dumps({"heel": software_version(), "zenoh": metadata.version("eclipse-zenoh")})
+    told = json.dumps({
+        "heel": software_version(), "zenoh": metadata.version("eclipse-zenoh"),
+        "host": monotonic_clock(),
+    })  # fmt: skip
 
     def answer(query: zenoh.Query) -> None:
         with query:
             query.reply(query.key_expr, told, encoding=zenoh.Encoding.APPLICATION_JSON)
 
     # For every robot's name before the key.
-    queryable = session.declare_queryable(f"**/{VERSION_KEY}", answer)
+    queryable = session.declare_queryable(f"**/{keys.ROUTER_VERSION}", answer)
     yield
     queryable.undeclare()  # type: ignore[no-untyped-call]
 

@@ -29,6 +29,7 @@ from heel.services.runtime.chain import CAMERA
 from heel.services.runtime.counters import ServiceStatistics
 from heel.services.runtime.health import HealthReporter
 from heel.services.runtime.health_file import HealthFile
+from heel.services.runtime.image_route import IMAGE_TOPIC, ImageRoute
 from heel.services.runtime.inbox import Arrival, Inbox
 from heel.services.runtime.logs import OncePerSecond, set_up_logging
 from heel.services.runtime.metrics import serving_metrics
@@ -36,7 +37,7 @@ from heel.services.runtime.notify import Notifier
 from heel.services.runtime.places import robot_name
 from heel.services.runtime.presence import Presence
 from heel.services.runtime.publishing import StreamPublisher
-from heel.services.runtime.qos import TopicQos
+from heel.services.runtime.qos import Delivery, TopicQos
 from heel.services.runtime.session import (
     POOL_BYTES,
     open_session,
@@ -102,6 +103,22 @@ class ServiceContext(Generic[S]):
             # Where nothing may be lost the sender waits, too, however long the work takes.
             self.statistics.input_topic = topic
         return StreamJudge(topic, qos, self.statistics, self.warn, primary, live)
+
+    def subscribe_images(self, qos: TopicQos, delivery: Delivery | None = None) -> StreamJudge:
+        """Receive the camera's frames: raw on its own host, as JPEG on another.
+
+        Args:
+            qos: of the topic.
+            delivery: None is this service's. Lossless they are raw, wherever the camera is.
+        """
+        camera = self.settings.camera
+        if (delivery or self.settings.delivery) == "lossless":
+            return self.subscribe(IMAGE_TOPIC, keys.image(camera), qos)
+        route = ImageRoute(self.session, self.inbox, camera, qos, self.statistics, self.log)
+        route.start(self.stop)
+        if delivery is None:
+            self.statistics.input_topic = IMAGE_TOPIC
+        return StreamJudge(IMAGE_TOPIC, qos, self.statistics, self.warn)
 
     def arrivals(self, judge: StreamJudge, out: StreamPublisher | None = None) -> Iterator[Arrival]:
         """Messages of one stream until the service is to end.

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import cv2
 
-from heel.schemas import CameraInfo, DriveState, EndOfStream, FrameId, Taken, encode, keys
+from heel.schemas import CameraInfo, DriveState, EndOfStream, FrameId, Taken, keys
 from heel.services.runtime import qos
 from heel.services.runtime.clock import monotonic_clock
-from heel.services.runtime.images import ImageCoding, StreamIdentity, pack_image
+from heel.services.runtime.images import ImagePublisher, StreamIdentity, image_header
 from heel.services.runtime.pacing import Pacer
 from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
@@ -49,7 +49,6 @@ class SimulatorService:
         self._context, self._settings = context, s
         self._truth_file = truth
         self._mount = s.mount()
-        self._coding = ImageCoding(s.image_encoding, s.jpeg_quality)
         # Numbers of messages go on over episodes: their producer is the same.
         self._steps = self._scans = 0
         self._steps_a_frame = max(1, math.ceil(_LEAST_STEPS_HZ / s.fps))
@@ -59,7 +58,7 @@ class SimulatorService:
         self._info = resources.enter_context(Latched(session, keys.info(s.camera), qos.INFO))
         self._described = resources.enter_context(Latched(session, keys.SIM_WORLD, qos.SIM_WORLD))
         self._taken = context.publisher(keys.taken(s.camera), qos.TAKEN)
-        self._image = context.publisher(keys.image(s.camera), qos.IMAGE)
+        self._image = ImagePublisher(context, s.jpeg_quality, None)
         self._blobs = context.publisher(keys.blobs(s.camera), qos.BLOBS) if self._boxes else None
         self._truth = context.publisher(keys.SIM_TRUTH, qos.SIM_TRUTH)
         self._odometry = context.publisher(keys.ROBOT_ODOMETRY, qos.ODOMETRY)
@@ -103,7 +102,7 @@ class SimulatorService:
                 height=mount.height_px, source_width=mount.width_px, source_height=mount.height_px,
                 fps=mount.fps, source=f"simulator: {s.scenario}, seed {episode.seed}",
                 horizontal_fov_rad=mount.horizontal_fov_rad, mount_height_m=mount.height_m,
-                mount_pitch_rad=mount.pitch_rad,
+                mount_pitch_rad=mount.pitch_rad, host=monotonic_clock(),
             )
         )  # fmt: skip
         described = episode.world.world_message()
@@ -185,11 +184,11 @@ class SimulatorService:
     ) -> None:
         image = renderer.draw(episode.world)
         size = self._mount.width_px, self._mount.height_px
-        header, payload = pack_image(
+        header = image_header(
             episode.identity, image, (frame.seq, frame.index), size, frame.t_capture_ns,
-            time.monotonic_ns() - acquired_ns, self._coding,
+            time.monotonic_ns() - acquired_ns,
         )  # fmt: skip
-        self._image.send_bytes(payload, header.image_encoding, encode(header))
+        self._image.send(header, image)
 
     def _end(self, episode: _Episode, reason: str) -> None:
         # A live receiver keeps one image only: let it take the last one before the end.

@@ -35,10 +35,9 @@ class SimulatorSettings(ServiceSettings):
     pictures: bool = Field(
         True, description="draw what the camera sees (extra sim); needed by perception pixels"
     )
-    image_encoding: Literal["raw", "jpeg"] = Field(
-        "raw", description="raw on one host (shared memory), jpeg across a network"
+    jpeg_quality: int = Field(
+        90, ge=1, le=100, description="quality of the JPEGs that go to other hosts, percent"
     )
-    jpeg_quality: int = Field(90, ge=1, le=100, description="JPEG quality, percent")
     width_px: int = Field(_MOUNT.width_px, ge=64, le=1920, description="of the picture")
     height_px: int = Field(_MOUNT.height_px, ge=64, le=1200, description="of the picture")
     fps: float = Field(_MOUNT.fps, ge=1, le=60, description="pictures per second")

@@ -85,9 +85,13 @@ class WebService:
         self._router_back_s = float("-inf")
         self._latched = LatchedQuery(context.session, keys.FOLLOW_STATE, FollowState)
         self._status_due_s = self._router_due_s = 0.0
-        self._images = self._stream("image", keys.image(settings.camera), _IMAGE_QOS, True)
-        self._tracks = self._stream("tracks", keys.tracks(settings.camera), _TRACKS_QOS, False)
         inbox = context.inbox
+        # As viewers need them: live also where the pipeline runs lossless.
+        self._images = context.subscribe_images(_IMAGE_QOS, "live")
+        inbox.subscribe("tracks", keys.tracks(settings.camera), _TRACKS_QOS)
+        self._tracks = StreamJudge(
+            "tracks", _TRACKS_QOS, context.statistics, context.warn, primary=False
+        )
         inbox.subscribe("state", keys.FOLLOW_STATE, qos.STATE)
         inbox.subscribe("command", keys.FOLLOW_COMMAND, qos.COMMAND)
         inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
@@ -96,12 +100,6 @@ class WebService:
         inbox.subscribe("drive", keys.ROBOT_DRIVE, qos.DRIVE)
         inbox.subscribe_alive("alive", keys.ALL_ALIVE)
         self._above = ViewFromAbove(context, hub)
-
-    def _stream(self, topic: str, key: str, how: qos.TopicQos, primary: bool) -> StreamJudge:
-        """A stream as viewers need it: live also where the pipeline runs lossless."""
-        context = self._context
-        context.inbox.subscribe(topic, key, how)
-        return StreamJudge(topic, how, context.statistics, context.warn, primary)
 
     def run(self) -> None:
         """Show what comes until the service is stopped."""

@@ -114,7 +114,7 @@ ELSEWHERE = {
     "heel web": _SERVICES,
     "heel router --listen tcp/0.0.0.0:7447 --users-file users.txt":
         _README + "test_remote_host_recipe",
-    "heel capture /dev/video0 --image-encoding jpeg --user robot --password-file secret":
+    "heel capture /dev/video0 --user robot --password-file secret":
         _README + "test_remote_host_recipe",
     "heel detector --connect tcp/robot.local:7447 --user remote --password-file secret2":
         _README + "test_remote_host_recipe",
@@ -124,11 +124,11 @@ ELSEWHERE = {
     'echo "heel:$(cat password)" > users.txt': _REMOTE,
     "heel router --listen tcp/127.0.0.1:7447,tcp/192.168.1.7:7447 --users-file users.txt &":
         _REMOTE,
-    "heel capture /dev/video0 --image-encoding jpeg &": _REMOTE,
+    "heel capture /dev/video0 &": _REMOTE,
     "heel detector &": _REMOTE,
     "heel tracker &": _REMOTE,
     "heel follower &": _REMOTE,
-    "export HEEL_ZENOH__CONNECT=tcp/192.168.1.7:7447 HEEL_ZENOH__SHARED_MEMORY=false": _REMOTE,
+    "export HEEL_ZENOH__CONNECT=tcp/192.168.1.7:7447": _REMOTE,
     "heel detector --instance remote &": _REMOTE,
     "heel drive --driver serial-board --driver-options /dev/ttyUSB0":
         "tests/unit/drive/test_serial_example.py::test_the_board_is_told_velocities_and_stops",

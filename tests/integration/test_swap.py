@@ -70,6 +70,9 @@ def test_tracks_go_on_when_a_service_moves_to_another_host(
         with elsewhere(link, recipe, service) as remote:
             _await_warm(moved, f"{service}/remote", remote)
             _assert_the_second_is_told_of(service, processes)
+            if service == "detector":
+                assert "frames come as JPEG" in remote.stderr()
+                assert "frames come as JPEG" not in processes["detector"].stderr()
             stopped_s = time.monotonic()
             processes[service].stop(end, 5.0)
             wait_until(

@@ -128,14 +128,12 @@ def _note_clock(arrival: Arrival, clocks_s: dict[str, float]) -> None:
 
 def _versions(bus: Listening) -> dict[str, str]:
     """Of the router's software; none where it does not say."""
-    from heel.services.runtime.router import VERSION_KEY
-
-    for reply in bus.session.get(VERSION_KEY, timeout=TIMEOUT_S):
+    for reply in bus.session.get(keys.ROUTER_VERSION, timeout=TIMEOUT_S):
         if reply.ok is None:
             continue
         with suppress(ValueError, AttributeError):
             told = json.loads(reply.ok.payload.to_bytes()[:1024])
-            return {str(name)[:20]: str(one)[:40] for name, one in told.items()}
+            return {str(name)[:20]: str(one)[:40] for name, one in told.items() if name != "host"}
     return {}
 
 

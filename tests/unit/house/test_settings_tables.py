@@ -31,7 +31,6 @@ from heel.services.drive.core import Drive
 from heel.services.drive.drivers import open_driver
 from heel.services.drive.settings import DriveServiceSettings
 from heel.services.geometry.calibration_file import Calibration, write_calibration
-from heel.services.runtime.images import ImageCoding, StreamIdentity, pack_image
 from heel.services.runtime.logs import set_up_logging
 from heel.services.runtime.router import RouterSettings, router_config
 from heel.services.runtime.session import zenoh_config
@@ -92,15 +91,7 @@ class ReadBy:
 Table = dict[str, Changes | Refused | ReadBy]
 
 
-# --- What is common to all services, and how pixels travel
-
-
-def sent_pixels(settings: Any) -> object:
-    image = np.random.default_rng(1).integers(0, 255, (48, 64, 3)).astype(np.uint8)
-    coding = ImageCoding(settings.image_encoding, settings.jpeg_quality)
-    identity = StreamIdentity("front", 1, "capture/main@00000001")
-    header, payload = pack_image(identity, image, (0, 0), (64, 48), 0, 0, coding)
-    return header.image_encoding, payload
+# --- What is common to all services
 
 
 SHARED: Table = {
@@ -141,8 +132,7 @@ CAPTURE: Table = {
     "camera_height": Changes(200, asked_of_a_device),
     "camera_fourcc": Changes("MJPG", asked_of_a_device),
     "frames": ReadBy("capture/service.py", "self._settings.frames or math.inf"),
-    "image_encoding": Changes("jpeg", sent_pixels),
-    "jpeg_quality": Changes(30, sent_pixels, {"image_encoding": "jpeg"}),
+    "jpeg_quality": ReadBy("capture/service.py", "context.settings.jpeg_quality"),
     "await_consumers": ReadBy("capture/service.py", "context.settings.await_consumers"),
     "consumer_timeout_s": ReadBy("capture/service.py", "self._settings.consumer_timeout_s"),
     "epoch": ReadBy("capture/service.py", "context.settings.epoch"),
@@ -262,8 +252,7 @@ SIMULATOR: Table = {
     "loop": ReadBy("simulator/service.py", "self._settings.loop and context.running"),
     "truth": Changes("truth.jsonl", truth_of),
     "pictures": Refused(False, "leave out --no-pictures"),
-    "image_encoding": Changes("jpeg", sent_pixels),
-    "jpeg_quality": Changes(30, sent_pixels, {"image_encoding": "jpeg"}),
+    "jpeg_quality": ReadBy("simulator/service.py", "s.jpeg_quality"),
     "width_px": Changes(320, mounted),
     "height_px": Changes(200, mounted),
     "fps": Changes(10.0, mounted),

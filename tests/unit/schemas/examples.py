@@ -81,6 +81,7 @@ EXAMPLES: tuple[Message, ...] = (
     CameraInfo(
         stream="front", epoch=5, **SIZE, fps=25.0, frame_count=795, source="walk.avi",
         horizontal_fov_rad=1.0471975511965976, mount_height_m=0.5, mount_pitch_rad=-0.25,
+        host="0a1b2c3d-0000-4000-8000-00000000beef-4026531834",
     ),
     Blobs(
         **FRAME, **SIZE,
