@@ -6,6 +6,7 @@ import logging
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -61,6 +62,7 @@ def service(session: zenoh.Session, inbox: Inbox, camera: str) -> ServiceContext
         name="detector", settings=ServiceSettings(camera=camera), session=session, inbox=inbox,
         statistics=ServiceStatistics(), log=logging.getLogger("heel.test"), producer=PRODUCER,
         shared_memory=False, stop=threading.Event(), announce=lambda: None, robot="robot",
+        notifier=cast(Any, None),
     )  # fmt: skip
 
 
