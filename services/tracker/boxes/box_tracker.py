@@ -26,7 +26,7 @@ class BoxTracker:
         trace: Trace | None = None,
     ) -> None:
         """Start without tracks; arguments as of `PeopleTracker`."""
-        front = BoxFrontEnd(tuning, (image_size or (0, 0))[1])
+        front = BoxFrontEnd(tuning, *(image_size or (0, 0))[::-1])
         self._people: PeopleTracker[FrameBoxes] = PeopleTracker(
             front, tuning, image_size, next_id, trace
         )

@@ -42,6 +42,10 @@ hand."""
 _CONTACT = 0.02
 """Probability that a box is the other track's from which two tracks are in contact; chosen by
 hand."""
+_CUT_NOISE = 3.0
+"""Factor on the variance of a box that the side of the picture cuts off; chosen by hand."""
+_AT_SIDE_PX = 2.0
+"""Distance from the side within which a box is cut off [px]; chosen by hand."""
 _PRESENT_S = 0.25
 """Time without a box up to which a track counts as present [s]; chosen by hand."""
 
@@ -55,16 +59,18 @@ class BoxFrontEnd:
 
     detection_rate = _DETECTION_RATE
 
-    def __init__(self, tuning: Tuning, rows: int = 0) -> None:
+    def __init__(self, tuning: Tuning, rows: int = 0, columns: int = 0) -> None:
         """Start without a scale of scores.
 
         Args:
             tuning: thresholds.
             rows: height of the frames, pixels; 0 where it is not known: then no box is too small.
+            columns: width, likewise: then no box is cut off.
         """
         self.pictures = False
         self._tuning = tuning
         self._rows = rows
+        self._columns = columns
         self._scale = ScoreScale()
         self._frame: FrameBoxes | None = None
         self._free: list[int] = []
@@ -97,7 +103,9 @@ class BoxFrontEnd:
         if not pairs:
             return []
         seen, alone = frame.measurements(), crowding(frame.boxes) <= CLEAR
+        noise = self._noise(frame.boxes)[[j for _, j in pairs]]
         variance = kalman.measurement_variance(scene.mean[[i for i, _ in pairs], :, 0])
+        variance = noise[:, None] * variance
         singles = []
         for k, (i, j) in enumerate(pairs):
             others = np.delete(sure[:, j], i)
@@ -128,7 +136,7 @@ class BoxFrontEnd:
             return [], [], np.zeros((len(tracks), len(boxes)))
         exist = _DETECTION_RATE * np.array([track.existence for track in tracks])
         rates = exist * (1 - _HIDING * scene.hidden)
-        log_odds = pair_log_odds(scene.mean, scene.covariance, rates, seen)
+        log_odds = pair_log_odds(scene.mean, scene.covariance, rates, seen, self._noise(boxes))
         if frame.looks is not None:
             log_odds += self._look_odds(boxes, frame.looks, scene)
         members = [
@@ -160,6 +168,13 @@ class BoxFrontEnd:
         against = np.where(present, self._tuning.most_against_present, MOST_AGAINST)
         odds = scene.identity.log_odds(scene.tracks, boxes, looks)
         return np.asarray(np.maximum(odds, -against[:, None]))
+
+    def _noise(self, boxes: FloatArray) -> FloatArray:
+        """Factor (M,) on the variance of boxes: more where the picture's side cuts them off."""
+        if not self._columns:
+            return np.ones(len(boxes))
+        cut = (boxes[:, 0] <= _AT_SIDE_PX) | (boxes[:, 2] >= self._columns - _AT_SIDE_PX)
+        return np.where(cut, _CUT_NOISE, 1.0)
 
     def take_stock(self, tracks: list[Track], measured: Measured, t_s: float) -> list[Track]:
         """Learn the scale of scores; all tracks go on, and free boxes start new ones."""

@@ -75,6 +75,7 @@ def pair_log_odds(
     covariance: FloatArray,
     rates: FloatArray,
     measurements: FloatArray,
+    noise: FloatArray,
 ) -> FloatArray:
     """Log odds (N, M) that a box is of a track, against leaving both unpaired.
 
@@ -82,12 +83,14 @@ def pair_log_odds(
         mean: (N, 4, 2) and covariance: (N, 4, 2, 2), predicted, see `kalman`.
         rates: (N,) chance in (0, 1) of each track to be real and to get a box.
         measurements: (M, 4) boxes as of `geometry.boxes_to_measurements`.
+        noise: (M,) factor on the variance of each box.
     """
     value = mean[:, :, 0]
     scale = in_heights(np.exp(value[:, 2]))
-    variance = (covariance[:, :, 0, 0] + measurement_variance(value)) / scale**2
+    measured = noise[None, :, None] * measurement_variance(value)[:, None]
+    variance = (covariance[:, None, :, 0, 0] + measured) / scale[:, None] ** 2
     residual = (measurements[None] - value[:, None]) / scale[:, None]
-    density, distance = log_student(residual, variance[:, None])
+    density, distance = log_student(residual, variance)
     prior = np.log(rates) - np.log1p(-rates)
     odds = density + prior[:, None] - newcomer_log_density(measurements)[None]
     return np.asarray(np.where(distance > GATE, REFUSED, odds))

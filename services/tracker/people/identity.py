@@ -57,6 +57,10 @@ class Identity:
         """Whether a contact with a known person leaves the identity of a track undecided."""
         return self._contacts.among(track)
 
+    def ahead(self) -> list[Track]:
+        """Copies of people in contact that go on from before it, to be predicted with tracks."""
+        return self._contacts.ahead()
+
     def undecided(self, track: Track) -> bool:
         """Whether a contact or a newcomer leaves the identity of a track undecided."""
         return self.open(track) or self._verifications.open(track)
@@ -165,11 +169,11 @@ class Identity:
         for first, second in measured.met:
             if first.confirmed and second.confirmed:
                 self._contacts.touch(first, second, t_s)
-        clear = [(m.track, m.look) for m in measured.singles if m.clear and m.look is not None]
-        seen = [track for track, _ in clear]
-        looks = np.array([look for _, look in clear]).reshape(len(clear), DESCRIPTOR_LENGTH)
+        clear = [one for one in measured.singles if one.clear and one.look is not None]
+        seen = [one.track for one in clear]
+        looks = np.array([one.look for one in clear]).reshape(len(clear), DESCRIPTOR_LENGTH)
         known = {id(track) for group in tracks for track in group}
-        self._contacts.decide(seen, looks, known, t_s, elapsed_s)
+        self._contacts.decide(clear, looks, known, t_s, elapsed_s)
         # A track that may be another person's adds nothing: its gallery is to decide that.
         decided = [k for k, track in enumerate(seen) if not self._contacts.among(track)]
         self._verifications.note_newcomers(tracks[0], t_s)

@@ -51,6 +51,7 @@ class Track:
     confirmed: bool = False
     confidence: float = 1.0  # that this is the person of the id
     confidence_before: float = 1.0  # the same before this frame's boxes
+    predicted: tuple[FloatArray, FloatArray] | None = None  # mean and covariance, likewise
     runner_up: float = 0.0  # that this is the best other known person
     walked: bool = False  # has moved farther than the box of a thing
     gallery: Gallery = field(default_factory=Gallery)
@@ -109,6 +110,11 @@ class Track:
     def gallery_before(self) -> Gallery:
         """The gallery of `_COPY_S` to twice that ago."""
         return self.earlier[0]
+
+    def as_predicted(self) -> Track:
+        """A copy in the state before this frame's boxes, which goes on without any."""
+        mean, covariance = self.predicted or (self.mean, self.covariance)
+        return replace(self, mean=mean.copy(), covariance=covariance.copy(), in_front=())
 
     def walked_by(self) -> float:
         """Distance from the place of birth, in heights."""

@@ -118,7 +118,7 @@ class PeopleTracker(Generic[Frame]):
     def _predict(self, t_s: float, camera: CameraStep | None) -> Scene:
         elapsed_s = 0.0 if self._last_s is None else max(t_s - self._last_s, 0.0)
         self._last_s, self._elapsed_s = t_s, elapsed_s
-        everyone = self._tracks + self._recall.lost
+        everyone = self._tracks + self._recall.lost + self._identity.ahead()
         if everyone:
             mean, covariance = kalman.predict(
                 np.stack([track.mean for track in everyone]),
@@ -131,6 +131,8 @@ class PeopleTracker(Generic[Frame]):
         if camera is not None:
             self._carried = True
             self._carrier.carry(everyone, camera, elapsed_s)
+        for track in self._tracks:
+            track.predicted = track.mean, track.covariance
         self._tracks = [track for track in self._tracks if track.is_somewhere()]
         self._recall.lost = [track for track in self._recall.lost if track.is_somewhere()]
         mean = np.zeros((0, AXES, 2))

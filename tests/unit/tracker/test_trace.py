@@ -43,6 +43,26 @@ def crossing(first: boxes.Colours, second: boxes.Colours) -> Play:
     return lambda tracker: boxes.follow(tracker, people, 7.0)
 
 
+def together(colours: boxes.Colours) -> Play:
+    """Two meet, of whom one then hides the other for a while, and part slowly."""
+    people = [
+        boxes.Person(
+            colours, lambda t_s: (100.0 + 60.0 * min(t_s, 3.5) - 50.0 * max(t_s - 6.0, 0.0), 400.0)
+        ),
+        boxes.Person(
+            colours,
+            lambda t_s: (
+                (540.0 - 60.0 * t_s, 400.0)
+                if t_s < 3.3
+                else (330.0 + 50.0 * (t_s - 6.0), 400.0)
+                if t_s >= 6.0
+                else None
+            ),
+        ),
+    ]
+    return lambda tracker: boxes.follow(tracker, people, 9.0)
+
+
 def away(colours: boxes.Colours, returning: boxes.Colours, gone_s: float = 4.0) -> Play:
     people = [
         boxes.Person(colours, lambda t_s: (300.0, 400.0) if t_s < 4.0 else None),
@@ -72,7 +92,8 @@ def pointed_at(tracker: Tracker) -> list[Tracks]:
 
 PLAYS: dict[str, Play] = {
     "crossing": crossing(boxes.RED, boxes.GREEN),
-    "twins": crossing(boxes.RED, boxes.RED),
+    "twins": together(boxes.RED),
+    "twins that pass": crossing(boxes.RED, boxes.RED),
     "back": away(boxes.RED, boxes.RED),
     "another": away(boxes.RED, boxes.BLUE),
     "newcomer": newcomer(stays=True),
@@ -151,6 +172,16 @@ def test_twins_end_undecided_and_unsure_by_motion_and_by_colours() -> None:
     doubts = [event for event in events if event.kind == "unsure"]
     assert {event.id for event in doubts} == {1, 2}
     assert all((event.probability or 1.0) < 0.6 for event in doubts)
+
+
+def test_twins_that_pass_are_told_apart_by_motion_and_not_for_sure() -> None:
+    events, tracks = played("twins that pass")
+    (end,) = [event for event in events if event.kind == "decided"]
+    assert end.outcome != "exchanged"
+    assert (end.motion_log_odds or 0.0) > 1.0
+    assert abs(end.looks_log_odds or 0.0) < 1.0
+    assert {t.id: t.box_xyxy[0] > 320 for t in tracks[-1].tracks} == {1: True, 2: False}
+    assert all(0.6 < t.identity_confidence < 0.95 for t in tracks[-1].tracks)
 
 
 @pytest.mark.parametrize("stays", [True, False], ids=["stays", "taken over"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from heel.services.tracker.people.appearance import DESCRIPTOR_LENGTH, cut_out, 
 from heel.services.tracker.people.contacts import Contacts
 from heel.services.tracker.people.geometry import FloatArray
 from heel.services.tracker.people.identity import Identity
+from heel.services.tracker.people.kalman import measurement_variance
 from heel.services.tracker.people.looks import Gallery, LookModel, nearest_views
 from heel.services.tracker.people.measured import Measured, Measurement
 from heel.services.tracker.people.track import Track
@@ -89,8 +92,17 @@ def test_what_a_look_is_worth_is_bounded_and_learned() -> None:
     assert model.log_odds(np.array([0.0, 1.0])).tolist() == pytest.approx([6.0, -12.0])
 
 
-def meet(first: Track, second: Track, seen: tuple[Colours, Colours], frames: int = 30) -> None:
+def alone(track: Track, place: FloatArray) -> Measurement:
+    """A box (4,) of its own, as of the filter's axes."""
+    return Measurement(track, place, measurement_variance(place[None])[0])
+
+
+def meet(
+    first: Track, second: Track, seen: tuple[Colours, Colours], frames: int = 30,
+    places: Sequence[FloatArray] | None = None,
+) -> None:  # fmt: skip
     """Two who could be taken for each other at time 0 are seen alone, in these clothes."""
+    at = places or [track.mean[:, 0] for track in (first, second)]
     contacts = Contacts(LookModel())
     contacts.touch(first, second, 0.0)
     first.confidence = second.confidence = 0.5
@@ -98,7 +110,8 @@ def meet(first: Track, second: Track, seen: tuple[Colours, Colours], frames: int
     known = {id(first), id(second)}
     for frame in range(1, frames):
         now = np.concatenate([looks(colours, 1, 300 + frame) for colours in seen])
-        contacts.decide([first, second], now, known, 0.1 * frame, 0.1)
+        boxes = [alone(track, place) for track, place in zip((first, second), at, strict=True)]
+        contacts.decide(boxes, now, known, 0.1 * frame, 0.1)
     assert not contacts.among(first)
 
 
@@ -119,6 +132,32 @@ def test_who_is_who_after_a_contact(
     assert (one.track_id, other.track_id) == ids
     assert (one.confidence > 0.9) == (other.confidence > 0.9) == sure
     assert all(0 <= track.runner_up <= 1 for track in (one, other))
+
+
+@pytest.mark.parametrize(("exchanged", "ids"), [(False, (1, 2)), (True, (2, 1))])
+def test_twins_of_which_one_is_nearer_are_told_apart_by_size(
+    exchanged: bool, ids: tuple[int, int]
+) -> None:
+    far, near = person(1, RED), person(2, RED)
+    near.mean[2, 0] += 0.7
+    places = [track.mean[:, 0].copy() for track in (far, near)]
+    meet(far, near, (RED, RED), places=places[::-1] if exchanged else places)
+    assert (far.track_id, near.track_id) == ids
+    assert far.confidence > 0.9 < near.confidence
+
+
+def test_a_copy_beyond_all_pictures_tells_nothing_of_a_contact() -> None:
+    one, other = person(1, RED), person(2, GREEN)
+    contacts = Contacts(LookModel())
+    contacts.touch(one, other, 0.0)
+    for copy in contacts.ahead():
+        copy.mean[:, 0] = np.nan
+    boxes = [alone(track, track.mean[:, 0]) for track in (one, other)]
+    for frame in range(1, 30):
+        now = np.concatenate([looks(colours, 1, frame) for colours in (RED, GREEN)])
+        contacts.decide(boxes, now, {id(one), id(other)}, 0.1 * frame, 0.1)
+    assert not contacts.among(one)
+    assert one.confidence > 0.9
 
 
 def test_a_contact_ends_when_one_of_the_two_is_forgotten() -> None:
