@@ -369,7 +369,7 @@ def test_the_process_logs_who_became_whom_and_nothing_else(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     with caplog.at_level("INFO", "heel.tracker"):
-        for name in ("newcomer took over", "back", "twins", "silhouettes"):
+        for name in ("newcomer took over", "back", "twins that pass", "silhouettes"):
             for event in played(name)[0]:
                 log_identities(event)
     lines = [record.getMessage() for record in caplog.records]
