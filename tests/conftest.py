@@ -18,6 +18,8 @@ from heel.services.runtime.places import VARIABLE
 from heel.services.runtime.quiet import silence_decoders
 from tests.support.pinned import Pinned
 
+pytest_plugins = ["tests.support.failed_scenes"]
+
 # FFmpeg reads its log level when the first video of a process is opened; in the suite that may be
 # a test's own video, long before capture is asked for one.
 silence_decoders()
