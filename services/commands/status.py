@@ -15,7 +15,7 @@ from heel.services.commands.follow import shown
 from heel.services.commands.observed import TOPICS, Observed, facts, sight
 from heel.services.commands.robot import RobotFlags, Where, ask, for_robot
 from heel.services.commands.screen import Screen
-from heel.services.runtime.chain import CHAIN, Part, PartState, Problem, describe
+from heel.services.runtime.chain import CHAIN, WITHHELD, Part, PartState, Problem, describe
 from heel.services.runtime.logs import printable
 from heel.services.runtime.process import software_version
 
@@ -133,6 +133,11 @@ def lines(
         f"{part.health.service}/{part.health.instance}: {printable(part.health.reason)}"
         for part, state in rows
         if part.health.reason and state == "ok"
+    ]
+    told += [
+        f"{part.health.service}/{part.health.instance}: {printable(part.health.details[WITHHELD])}"
+        for part, state in rows
+        if WITHHELD in part.health.details and state == "ok"
     ]
     if heard.watch.unlisted:
         told.append(f"{heard.watch.unlisted} further senders of health are not listed")

@@ -16,9 +16,9 @@ from heel.schemas import Health
 
 CHAIN = ("capture", "detector", "tracker", "follower", "drive")
 """From the picture to the wheels: each works on what the one before it sends."""
-CAMERA, PERCEPTION, MISSING = "camera", "perception", "missing"
+CAMERA, PERCEPTION, MISSING, WITHHELD = "camera", "perception", "missing", "withheld"
 """Details of a service's health: the camera that it works for; what stands in for the detector;
-which parts of the chain it has seen going."""
+which parts of the chain it has seen going; why people that may be in sight are not shown."""
 _PER_CAMERA = ("capture", "detector", "tracker")
 _ONE_AT_A_TIME = (*CHAIN, "simulator")
 _KNOWN = (*_ONE_AT_A_TIME, "web", "recorder")

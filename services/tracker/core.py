@@ -69,6 +69,12 @@ class Tracker:
         """The id that the next newcomer gets."""
         return self._next_id if self._method is None else self._method.next_id
 
+    @property
+    def withheld(self) -> str:
+        """Why people that may be in the newest frame are not shown, in words; "" for none."""
+        method = self._method
+        return method.withheld if isinstance(method, EvidenceTracker | DetectedPeople) else ""
+
     def update(self, blobs: Blobs) -> Tracks:
         """Take in one frame.
 

@@ -12,6 +12,7 @@ import cv2
 from heel.schemas import Blobs, FrameId, MessageError, TrackEvent, keys
 from heel.schemas.errors import SettingsError
 from heel.services.runtime import qos
+from heel.services.runtime.chain import WITHHELD
 from heel.services.runtime.publishing import StreamPublisher
 from heel.services.runtime.service import ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
@@ -104,6 +105,7 @@ def _track(context: ServiceContext[TrackerServiceSettings], trace: Trace) -> Non
             now_s = time.monotonic()
             out.send(tracks, received.age_s(now_s))
             context.statistics.output(now_s, now_s - started_s, received.age_s(now_s))
+            context.statistics.detail(WITHHELD, tracker.withheld or None)
             tracker.settle()
 
 

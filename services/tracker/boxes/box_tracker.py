@@ -36,6 +36,11 @@ class BoxTracker:
         """The id that the next newcomer gets."""
         return self._people.next_id
 
+    @property
+    def withheld(self) -> str:
+        """Why people are not shown, see `PeopleTracker.withheld`."""
+        return self._people.withheld
+
     def update(
         self,
         boxes: FloatArray,

@@ -42,6 +42,11 @@ class DetectedPeople:
         """The id that the next newcomer gets."""
         return self._tracker.next_id
 
+    @property
+    def withheld(self) -> str:
+        """Why people are not shown, see `PeopleTracker.withheld`."""
+        return self._tracker.withheld
+
     def update(self, blobs: Blobs, dt_s: float) -> list[Track]:
         """Take one frame; all confirmed tracks that are not lost, by id.
 

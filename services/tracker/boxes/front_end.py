@@ -21,7 +21,7 @@ from heel.services.tracker.people.association import (
     newcomer_log_density,
     pair_log_odds,
 )
-from heel.services.tracker.people.front_end import Scene
+from heel.services.tracker.people.front_end import UNSEEN, Scene
 from heel.services.tracker.people.geometry import FloatArray, crowding, measurements_to_boxes
 from heel.services.tracker.people.identity import CLEAR
 from heel.services.tracker.people.looks import MOST_AGAINST
@@ -58,6 +58,7 @@ class BoxFrontEnd:
     """
 
     detection_rate = _DETECTION_RATE
+    doubt = ""
 
     def __init__(self, tuning: Tuning, rows: int = 0, columns: int = 0) -> None:
         """Start without a scale of scores.
@@ -192,10 +193,14 @@ class BoxFrontEnd:
         """None: descriptors tell, see `people.verification`."""
         return []
 
-    def shows(self, track: Track, t_s: float, at_side: bool) -> bool:
-        """Whether a track has had a box lately, of a good score; at the side it has left."""
-        least = WALKER_SCORE if track.walked else self._tuning.hidden_score
+    def hides(self, track: Track, t_s: float, at_side: bool) -> str:
+        """A track is shown that has had a box lately, of a good score; at the side it has left."""
         coast_s = 0.0 if at_side else self._tuning.show_missed_s
-        shown = track.confirmed and t_s - track.seen_s <= coast_s + _EPSILON_S
-        least_px = self._tuning.min_height * self._rows
-        return shown and track.mean_score >= least and track.height_px() >= least_px
+        if t_s - track.seen_s > coast_s + _EPSILON_S:
+            return UNSEEN
+        if not track.confirmed:
+            return "seen too seldom so far, or too far off beside nearer people"
+        if track.mean_score < (WALKER_SCORE if track.walked else self._tuning.hidden_score):
+            return "the detector is not sure enough"
+        small = track.height_px() < self._tuning.min_height * self._rows
+        return "smaller than tracker.min_height" if small else ""

@@ -42,6 +42,11 @@ class EvidenceTracker:
         """The id that the next newcomer gets."""
         return self._people.next_id
 
+    @property
+    def withheld(self) -> str:
+        """Why people are not shown, see `PeopleTracker.withheld`."""
+        return self._people.withheld
+
     def update(self, blobs: Blobs, evidence: Image | None, dt_s: float) -> list[Track]:
         """Take one frame; all confirmed tracks that are not lost, by id.
 

@@ -45,7 +45,7 @@ from heel.services.tracker.evidence.scale import SceneScale
 from heel.services.tracker.evidence.silhouette import Silhouette, Working
 from heel.services.tracker.people import kalman
 from heel.services.tracker.people.appearance import cut_out, describe
-from heel.services.tracker.people.front_end import Scene
+from heel.services.tracker.people.front_end import UNSEEN, Scene
 from heel.services.tracker.people.measured import Measured, Measurement
 from heel.services.tracker.people.track import Track
 from heel.services.tracker.settings import Reporting
@@ -417,18 +417,31 @@ class EvidenceFrontEnd:
             if track.confirmed and track in self._of and is_torn(self._of[track], fresh)
         ]
 
-    def shows(self, track: Track, t_s: float, at_side: bool) -> bool:
-        """Whether a person is shown: large enough, the head in view, and not unseen for long.
+    @property
+    def doubt(self) -> str:
+        """Nobody is born before the sizes of people are known, or known not to fit a line."""
+        if self._scale is None or self._scale.known or self._scale.refused:
+            return ""
+        return "the sizes of people in this picture are not known yet: somebody has to walk"
+
+    def hides(self, track: Track, t_s: float, at_side: bool) -> str:
+        """A person is shown that is large enough, the head in view, and not unseen for long.
 
         Hidden people are shown longer than people that are simply not where they should be.
         """
         silhouette = self._of.get(track)
-        if silhouette is None or not track.confirmed:
-            return False
+        if silhouette is None:
+            return UNSEEN
+        if not track.confirmed:
+            return "has not moved enough yet"
         hidden = silhouette.in_view < _ALONE_VIEW
         patience_s = self._reporting.show_missed_s * (1.0 if hidden else 0.5)
         rows, height = self._working.rows, silhouette.height
         head = silhouette.foot[1] - height
         whole = head > -self._may_be_cut * height or height > 0.5 * rows
         large = height > self._reporting.min_height * rows
-        return t_s - track.seen_s <= patience_s and whole and large
+        if t_s - track.seen_s > patience_s:
+            return UNSEEN
+        if not whole:
+            return "the head is out of the picture"
+        return "" if large else "too small, or smaller than tracker.min_height"

@@ -36,6 +36,8 @@ class Scene:
     camera: CameraStep | None
 
 
+UNSEEN = "out of sight"
+"""Why a track is not shown that is no person in the picture."""
 Frame = TypeVar("Frame", contravariant=True)
 
 
@@ -50,6 +52,11 @@ class FrontEnd(Protocol[Frame]):
 
     pictures: bool
     detection_rate: float
+
+    @property
+    def doubt(self) -> str:
+        """Why nobody can be shown in this scene so far; "" without such a reason."""
+        ...
 
     def measure(self, frame: Frame, scene: Scene) -> Measured:
         """Measure the tracks of a scene."""
@@ -67,6 +74,9 @@ class FrontEnd(Protocol[Frame]):
         """Known tracks whose measurements were of two people, one of them the newcomer."""
         ...
 
-    def shows(self, track: Track, t_s: float, at_side: bool) -> bool:
-        """Whether a confirmed track is shown; `at_side` of the picture people leave it."""
+    def hides(self, track: Track, t_s: float, at_side: bool) -> str:
+        """Why a track is not shown, `UNSEEN` among others; "": it is.
+
+        At the side of the picture (`at_side`) people leave it.
+        """
         ...

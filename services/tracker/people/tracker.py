@@ -18,7 +18,7 @@ from heel.services.geometry.boxes import iou_matrix
 from heel.services.tracker.people import kalman
 from heel.services.tracker.people.camera_motion import CameraMotion, shift_unseen
 from heel.services.tracker.people.carry import CameraStep, Carrier
-from heel.services.tracker.people.front_end import Frame, FrontEnd, Scene
+from heel.services.tracker.people.front_end import UNSEEN, Frame, FrontEnd, Scene
 from heel.services.tracker.people.geometry import (
     AXES,
     covered_by,
@@ -91,6 +91,13 @@ class PeopleTracker(Generic[Frame]):
         self._carried = False
         self._last_s: float | None = None
         self._elapsed_s = 0.0
+        self._withheld: dict[str, int] = {}
+
+    @property
+    def withheld(self) -> str:
+        """Why people that may be in the newest frame are not shown, and how many; "" for none."""
+        reasons = [f"{count} not shown: {why}" for why, count in sorted(self._withheld.items())]
+        return "; ".join([self._front.doubt] * bool(self._front.doubt) + reasons)
 
     def update(self, frame: Frame, t_s: float, camera: CameraStep | None = None) -> list[Report]:
         """Take one frame and return every track that is not lost.
@@ -113,6 +120,7 @@ class PeopleTracker(Generic[Frame]):
         self._miss(measured)
         self._bury(self._front.take_stock(self._tracks, measured, t_s), t_s)
         self._confirm(t_s)
+        self._withheld = {}
         return [self._report(track, t_s) for track in self._tracks]
 
     def _predict(self, t_s: float, camera: CameraStep | None) -> Scene:
@@ -281,8 +289,10 @@ class PeopleTracker(Generic[Frame]):
 
     def _report(self, track: Track, t_s: float) -> Report:
         at_side = self._recall.at_side(track)
-        shown = self._front.shows(track, t_s, at_side)
-        return track.report(t_s, self._front.pictures, shown, self._tuning.unseen_doubt_s)
+        why = self._front.hides(track, t_s, at_side)
+        if why and why != UNSEEN:
+            self._withheld[why] = self._withheld.get(why, 0) + 1
+        return track.report(t_s, self._front.pictures, not why, self._tuning.unseen_doubt_s)
 
     def _note_claim(self, claim: Claim) -> None:
         """Note a re-identification, or the person that a newcomer was compared with and is not."""

@@ -6,6 +6,7 @@ from heel.schemas import FollowState, Health, Target, Track, Tracks
 from heel.services.commands.observed import Observed, sight
 from heel.services.commands.robot import Where
 from heel.services.commands.status import lines
+from heel.services.runtime.chain import WITHHELD
 from heel.services.runtime.process import software_version
 from heel.services.runtime.settings import ZenohSettings
 
@@ -62,4 +63,14 @@ def test_in_sight_are_ids_with_distance_and_confidence() -> None:
     )  # fmt: skip
     assert sight(observed.people) == (
         "in sight: 3 (2.2 m, 90% sure), 4 (5.0 m, 90% sure), 9 (90% sure)"
+    )
+
+
+def test_why_people_are_not_shown_is_said() -> None:
+    observed = Observed()
+    tracker = health("tracker", software_version())
+    withheld = {WITHHELD: "2 not shown: has not moved enough yet"}
+    observed.watch.hear(tracker.model_copy(update={"details": withheld}), NOW_S)
+    assert "tracker/main: 2 not shown: has not moved enough yet" in told(
+        observed, Where(ZenohSettings(), None)
     )
