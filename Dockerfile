@@ -2,10 +2,10 @@
 #
 # What runs networks is in it (extra `neural`), the networks themselves are not: see docker-compose.yml.
 # Not in it: what draws plots (extra `eval`), and the renderer of the simulated world (extra `sim`),
-# 154 MB, that no robot needs. `heel demo` belongs on a desk: what is missing it names.
+# 154 MB, that no robot needs: the target `demo` is the same image with it.
 #
 # For a Raspberry Pi and other computers of another kind: docker-bake.hcl.
-FROM python:3.11-slim-bookworm
+FROM python:3.11-slim-bookworm AS heel
 
 ENV PYTHONUNBUFFERED=1 \
     PIP_NO_CACHE_DIR=1 \
@@ -35,3 +35,16 @@ WORKDIR /
 STOPSIGNAL SIGTERM
 ENTRYPOINT ["heel"]
 CMD ["--help"]
+
+# For `docker compose --profile demo up`.
+FROM heel AS demo
+USER root
+# Its software renderer asks for libX11, and for no display.
+RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends libx11-6 \
+    && rm -rf /var/lib/apt/lists/*
+COPY constraints.txt /tmp/
+RUN python3 -m pip install panda3d -c /tmp/constraints.txt && rm /tmp/constraints.txt
+USER heel
+
+# The last one is what `docker build .` makes.
+FROM heel AS service

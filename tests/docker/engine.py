@@ -15,6 +15,7 @@ from typing import Any
 REPOSITORY = Path(__file__).resolve().parents[2]
 ENGINE_SCRIPT = REPOSITORY.parent / "shared" / "tools" / "docker_up.sh"
 IMAGE = "heel-follow:test"
+DEMO_IMAGE = "heel-follow-demo:test"
 SERVICES = ("router", "capture", "detector", "tracker", "follower", "drive", "web")
 READER = Path(__file__).with_name("reader.py")
 
@@ -48,10 +49,12 @@ class Project:
     def __init__(self, videos: Path, **environment: str) -> None:
         self.name = f"heeltest{secrets.token_hex(4)}"
         self.port = _free_port()
+        self.asked_s = 0.0
+        """When `docker compose up` was typed, monotonic seconds."""
         inherited = {key: value for key, value in os.environ.items() if not key.startswith("HEEL_")}
         self.environment = inherited | {"HEEL_MODELS": str(videos)} | environment | {
             "COMPOSE_PROJECT_NAME": self.name, "HEEL_PORT": str(self.port), "HEEL_IMAGE": IMAGE,
-            "HEEL_VIDEOS": str(videos),
+            "HEEL_DEMO_IMAGE": DEMO_IMAGE, "HEEL_VIDEOS": str(videos),
         }  # fmt: skip
 
     def run(self, *command: str, deadline_s: float = 60.0, stdin: str = "") -> str:
@@ -69,6 +72,7 @@ class Project:
 
     def up(self) -> None:
         """Start everything; nothing is fetched and nothing built."""
+        self.asked_s = time.monotonic()
         self.compose("up", "-d", "--pull", "never", "--no-build")
 
     def down(self) -> float:

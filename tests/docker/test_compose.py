@@ -7,11 +7,13 @@ import os
 import shutil
 import signal
 import subprocess
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
+from benchmarks.compose_start import first_person_s
 from tests.docker.engine import REPOSITORY, SERVICES, Project
 from tests.support.network import wait_until
 
@@ -20,6 +22,11 @@ pytestmark = [pytest.mark.docker, pytest.mark.timeout(360)]
 HEALTHY_S = 45.0
 BACK_S = 30.0
 DOWN_S = 5.0
+
+
+def test_the_first_person_is_soon_on_the_page(project: Project) -> None:
+    first_person_s(f"http://127.0.0.1:{project.port}", HEALTHY_S)
+    print(f"first person {time.monotonic() - project.asked_s:.1f} s after docker compose up")
 
 
 def test_every_container_becomes_healthy(project: Project) -> None:
@@ -49,6 +56,10 @@ def test_service_runs_as_nobody_in_particular(project: Project, service: str) ->
     writable = "touch /etc/x /opt/x /usr/x 2>/dev/null && echo writable || echo read-only"
     said = project.compose("exec", "-T", service, "sh", "-c", writable)
     assert said.strip() == "read-only"
+    limits = project.inspect(service)["HostConfig"]
+    assert 0 < limits["Memory"] <= 1536 << 20
+    assert 0 < limits["PidsLimit"] <= 128
+    assert limits["RestartPolicy"]["Name"] == "unless-stopped"
 
 
 def test_only_the_page_is_published_and_only_on_loopback(project: Project) -> None:

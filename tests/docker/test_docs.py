@@ -46,7 +46,7 @@ def videos(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_commands_do_what_the_page_says(image: str, videos: Path) -> None:
     project = Project(videos)
-    first, second, _, _ = blocks("sh")
+    first, _, second, _, _ = blocks("sh")
     try:
         said = _typed(project, first)
         assert "tracker/main" in said
@@ -67,7 +67,7 @@ def test_a_network_in_the_folder_is_used(image: str, tmp_path: Path) -> None:
     known = KNOWN["yolox-nano"].file
     if not (data_folder() / "models" / known).is_file():
         pytest.skip("yolox-nano is not in the models of HEEL_DATA")
-    _, _, network, _ = blocks("sh")
+    _, _, _, network, _ = blocks("sh")
     get, up, logs, down = network.splitlines()
     assert get == "HEEL_MODELS=./models heel models get yolox-nano"
     tmp_path.chmod(0o755)

@@ -70,6 +70,7 @@ _SERVICES = _README + "test_one_service_each_and_the_commands_for_what_is_runnin
 _TOOLS = "tests/integration/test_control.py::"
 _REMOTE = "tests/integration/test_swap.py::test_tracks_go_on_when_a_service_moves_to_another_host"
 _DOCKER = "tests/docker/test_docs.py::test_the_commands_do_what_the_page_says"
+_DEMO_PROFILE = "tests/docker/test_demo.py::test_the_profile_shows_a_robot_in_a_world_of_its_own"
 _STOPPING = "tests/integration/test_time_to_stop.py::test_the_robot_stands_in_time"
 _MODEL = "tests/integration/test_run_with_model.py::"
 
@@ -140,6 +141,10 @@ ELSEWHERE = {
     "docker compose down -v": _DOCKER,
     "HEEL_SOURCE=/videos/walk.avi docker compose up -d": _DOCKER,
     "docker compose logs capture": _DOCKER,
+    "docker compose --profile demo up -d": _DEMO_PROFILE,
+    "docker compose --profile demo down -v": _DEMO_PROFILE,
+    "docker compose --profile demo up":
+        _README + "test_docker_commands_are_those_of_the_docker_page_whose_commands_a_test_types",
     "docker compose up":
         _README + "test_docker_commands_are_those_of_the_docker_page_whose_commands_a_test_types",
     "HEEL_SOURCE=/videos/walk.avi docker compose up":
@@ -166,6 +171,7 @@ NOT_RUN = {
         "recordings, and networks that Heel does not ship",
     "python -m tools.wheels --write docs/records/wheels.md":
         "asks the package index; tests/unit/models/test_real_index.py does it when asked",
+    "docker compose --profile demo build": "tests/docker/conftest.py builds the same image",
     "docker buildx bake -f docker-bake.hcl": "the same Dockerfile as `docker compose build`",
     "docker buildx create --use": "changes the developer's Docker",
     "docker buildx bake -f docker-bake.hcl all": "emulates another computer, for half an hour",

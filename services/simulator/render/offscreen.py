@@ -102,8 +102,8 @@ class _Canvas:
         )  # fmt: skip
         if not self._buffer:
             raise HeelError(
-                "panda3d's software renderer (p3tinydisplay) does not start: reinstall it with "
-                "pip install --force-reinstall panda3d"
+                "panda3d's software renderer (p3tinydisplay) does not start: install libX11 "
+                "(apt install libx11-6), or panda3d anew with pip install --force-reinstall"
             )
         self._pixels = core.Texture("pixels")
         self._buffer.add_render_texture(self._pixels, core.GraphicsOutput.RTM_copy_ram)
