@@ -15,7 +15,7 @@ from contextlib import suppress
 
 import zenoh
 
-from heel.schemas import CameraInfo, MessageError, decode, keys
+from heel.schemas import CameraInfo, Header, MessageError, Progress, decode, encode, keys
 from heel.services.runtime import qos as topics
 from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.counters import ServiceStatistics
@@ -65,19 +65,24 @@ class ImageRoute:
         session: the service's.
         inbox: in which frames arrive, as topic `image`.
         camera: whose frames.
+        receiver: this process's name among those that hear them.
         qos: of the subscription.
         statistics: told which way it is.
         log: told of every change.
     """
 
     def __init__(
-        self, session: zenoh.Session, inbox: Inbox, camera: str, qos: TopicQos,
+        self, session: zenoh.Session, inbox: Inbox, camera: str, receiver: str, qos: TopicQos,
         statistics: ServiceStatistics, log: logging.Logger,
     ) -> None:  # fmt: skip
         self._session, self._inbox = session, inbox
         self._camera, self._qos = camera, qos
         self._statistics, self._log = statistics, log
         self._router = router_host(session)
+        self._progress = session.declare_publisher(
+            keys.progress(camera, receiver), priority=topics.PROGRESS.priority,
+            congestion_control=zenoh.CongestionControl.DROP, express=True,
+        )  # fmt: skip
         self._key = ""
         self._choosing = threading.Lock()
 
@@ -93,6 +98,13 @@ class ImageRoute:
         if not self._key:
             self._choose(None)
 
+    def _confirm(self, arrival: Arrival) -> None:
+        """Say that a JPEG has arrived: the camera sends no more than the link takes."""
+        with suppress(MessageError):
+            header = decode(Header, arrival.attachment or b"")
+            progress = Progress(stream=header.stream, epoch=header.epoch, seq=header.seq)
+            self._progress.put(encode(progress), encoding=progress.encoding())
+
     def _take(self, arrival: Arrival) -> None:
         # The services that work with `info` say what is wrong with one.
         with suppress(MessageError):
@@ -103,12 +115,10 @@ class ImageRoute:
             key = image_key(self._camera, camera_host, self._router, monotonic_clock())
             if key == self._key:
                 return
-            if self._key:
-                self._inbox.move(IMAGE_TOPIC, key, self._qos)
-            else:
-                self._inbox.subscribe(IMAGE_TOPIC, key, self._qos)
-            self._key = key
             as_jpeg = key == keys.jpeg(self._camera)
+            told = self._confirm if as_jpeg else None
+            self._inbox.move(IMAGE_TOPIC, key, self._qos, told)
+            self._key = key
             self._statistics.details["images"] = "JPEG" if as_jpeg else "raw"
             if as_jpeg:
                 self._log.info("frames come as JPEG: camera or router are on another host")

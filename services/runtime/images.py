@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.schemas import EndOfStream, Header, encode, keys
+from heel.schemas import EndOfStream, Header, MessageError, Progress, decode, encode, keys
 from heel.schemas.image import JPEG, RAW, encode_image
 from heel.services.runtime import qos
 from heel.services.runtime.frame_memory import FrameMemory
+from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.jpeg_window import JpegWindow
 from heel.services.runtime.publishing import StreamPublisher
 from heel.services.runtime.service import S, ServiceContext
 
@@ -82,6 +86,10 @@ class ImagePublisher:
         self.raw = context.publisher(keys.image(camera), qos.IMAGE)
         # Viewers elsewhere are live also where the pipeline runs lossless.
         self._jpeg = StreamPublisher(context.session, keys.jpeg(camera), qos.JPEG, "live", producer)
+        self._context = context
+        self._window = JpegWindow()
+        self._deciding = threading.Lock()
+        context.inbox.hear(keys.all_progress(camera), qos.PROGRESS, self._hear)
 
     def send(self, header: Header, image: NDArray[np.uint8]) -> None:
         """Send one frame, raw first: coding takes some milliseconds.
@@ -94,10 +102,31 @@ class ImagePublisher:
             payload = encode_image(image, RAW)
             held = payload if self._memory is None else self._memory.hold(payload)
             self.raw.send_bytes(held, RAW, encode(header))
-        if self._jpeg.has_listeners:
+        if self._jpeg.has_listeners and self._may_send(header):
             coded = header.model_copy(update={"image_encoding": JPEG})
             payload = encode_image(image, JPEG, self._quality)
             self._jpeg.send_bytes(payload, JPEG, encode(coded))
+
+    def _may_send(self, header: Header) -> bool:
+        now_s = time.monotonic()
+        with self._deciding:
+            may = self._window.may_send(header.epoch, now_s)
+            if may:
+                self._window.sent(header.seq, now_s)
+        return may
+
+    def _hear(self, arrival: Arrival) -> None:
+        try:
+            progress = decode(Progress, arrival.payload, arrival.encoding)
+        except MessageError as error:
+            # A lossless capture refuses it as well, and counts it there.
+            if not self._lossless:
+                self._context.statistics.malformed += 1
+                self._context.warn.warning("progress", f"{arrival.key}: {error}", arrival.arrived_s)
+            return
+        receiver = arrival.key.rpartition("/")[2]
+        with self._deciding:
+            self._window.heard(receiver, progress.epoch, progress.seq, arrival.arrived_s)
 
     def end(self, message: EndOfStream) -> None:
         """Announce on both that nothing more follows in this epoch."""

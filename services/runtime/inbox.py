@@ -85,19 +85,30 @@ class Inbox:
         for _, _, thread in self._pumps:
             thread.join(timeout=1.0)
 
-    def subscribe(self, topic: str, key: str, qos: TopicQos) -> None:
-        """Receive `key` under the name `topic`."""
-        subscriber = self._session.declare_subscriber(key, RingChannel(qos.capacity))
-        self._keep(topic, subscriber, qos.capacity, qos.max_bytes)
+    def subscribe(
+        self, topic: str, key: str, qos: TopicQos, told: Callable[[Arrival], None] | None = None
+    ) -> None:
+        """Receive `key` under the name `topic`.
 
-    def move(self, topic: str, key: str, qos: TopicQos) -> None:
-        """Receive `topic` on another key from now on; what waits in its ring stays."""
+        Args:
+            topic: the receiver's own name for it.
+            key: an expression.
+            qos: of the topic.
+            told: called of every arrival, in the thread that receives, past the ring.
+        """
+        subscriber = self._session.declare_subscriber(key, RingChannel(qos.capacity))
+        self._keep(topic, subscriber, qos.capacity, qos.max_bytes, told)
+
+    def move(
+        self, topic: str, key: str, qos: TopicQos, told: Callable[[Arrival], None] | None = None
+    ) -> None:
+        """As `subscribe`, in place of what `topic` was before; what waits in its ring stays."""
         with self._changing:
             if self._closed:
                 return
             former = [pump for pump in self._pumps if pump[0] == topic]
             self._pumps = [pump for pump in self._pumps if pump[0] != topic]
-            self.subscribe(topic, key, qos)
+            self.subscribe(topic, key, qos, told)
         for _, subscriber, _ in former:
             subscriber.undeclare()  # type: ignore[no-untyped-call]
 
@@ -120,17 +131,23 @@ class Inbox:
         tokens = liveliness.declare_subscriber(key, RingChannel(capacity), history=True)
         self._keep(topic, tokens, capacity, 0)
 
-    def _keep(self, topic: str, subscriber: _Subscriber, capacity: int, max_bytes: int) -> None:
+    def _keep(
+        self, topic: str, subscriber: _Subscriber, capacity: int, max_bytes: int,
+        told: Callable[[Arrival], None] | None = None,
+    ) -> None:  # fmt: skip
         self._rings.setdefault(topic, deque(maxlen=capacity))
         self.overflowed.setdefault(topic, 0)
-        self._start(topic, subscriber, lambda: self._pump(topic, subscriber, max_bytes))
+        self._start(topic, subscriber, lambda: self._pump(topic, subscriber, max_bytes, told))
 
     def _start(self, topic: str, subscriber: _Subscriber, work: Callable[[], None]) -> None:
         thread = threading.Thread(target=work, name=f"inbox-{topic}", daemon=True)
         self._pumps.append((topic, subscriber, thread))
         thread.start()
 
-    def _pump(self, topic: str, subscriber: _Subscriber, max_bytes: int) -> None:
+    def _pump(
+        self, topic: str, subscriber: _Subscriber, max_bytes: int,
+        told: Callable[[Arrival], None] | None,
+    ) -> None:  # fmt: skip
         ring = self._rings[topic]
         # Iteration ends by itself when the subscriber is undeclared (measured).
         for sample in subscriber:
@@ -145,6 +162,8 @@ class Inbox:
                     self.overflowed[topic] += 1
                 ring.append(arrival)
                 self._ready.notify_all()
+            if told is not None:
+                told(arrival)
 
     def interrupt(self) -> None:
         """End the wait of `get`, or of the next one: something came another way."""

@@ -131,10 +131,12 @@ ROUTER_RULES: list[dict[str, object]] = [
 """What a live robot's router makes of messages of any sender: other people's senders use
 BLOCK, and Zenoh's own questions do (an answer goes as its question came). What only a lossless run
 sends with BLOCK stays as it is."""
-ROUTER_QUEUES = {"real_time": 16, "interactive_high": 8}
+ROUTER_QUEUES = {"real_time": 16, "interactive_high": 8, "data_low": 16}
 """Batches of 64 kB towards a client, taken when needed; 16 are the most. Zenoh's two are full of
 commands within 40 ms, and a stop that finds them so is dropped: on a busy machine a router does not
-always get round to sending in that time (seen at a load of ten a core)."""
+always get round to sending in that time (seen at a load of ten a core). Frames have room for those
+on their way as JPEG (`jpeg_window`): one that finds too little is dropped when half of it is sent
+(measured at 20 Mbit/s: a link full of halves)."""
 ROUTER_WAIT_BEFORE_CLOSE_US = 1_000_000
 """What is left with BLOCK, declarations and ends of streams, holds others up so long at most;
 Zenoh's own 5 s are more than a session's lease. Chosen by hand."""

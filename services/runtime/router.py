@@ -41,6 +41,7 @@ from heel.services.runtime.session import (
     one_line,
     start_zenoh_log,
     why_no_shared_memory,
+    with_send_buffer,
 )
 from heel.services.runtime.settings import Endpoints, Loaded, StrictSettings
 from heel.services.runtime.shared_memory import OWN, Sweeper
@@ -101,7 +102,7 @@ def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Con
                                 f"{_remedy(settings)}")  # fmt: skip
     entries: list[tuple[str, object]] = [
         ("mode", "router"),
-        ("listen/endpoints", list(settings.listen)),
+        ("listen/endpoints", [_bounded(endpoint) for endpoint in settings.listen]),
         ("scouting/multicast/enabled", False),
         ("queries_default_timeout", int(QUERY_TIMEOUT_S * 1000)),
         ("transport/link/tx/lease", LEASE_MS),
@@ -134,6 +135,11 @@ def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Con
     except zenoh.ZError as error:
         raise SettingsError(f"router: {one_line(error)}") from None
     return base
+
+
+def _bounded(endpoint: str) -> str:
+    """An endpoint that leads to other hosts, with little room in the kernel for what waits."""
+    return endpoint if is_loopback(endpoint) else with_send_buffer(endpoint)
 
 
 def check_users_file(file: Path) -> None:

@@ -114,7 +114,10 @@ class ServiceContext(Generic[S]):
         camera = self.settings.camera
         if (delivery or self.settings.delivery) == "lossless":
             return self.subscribe(IMAGE_TOPIC, keys.image(camera), qos)
-        route = ImageRoute(self.session, self.inbox, camera, qos, self.statistics, self.log)
+        receiver = f"{self.name}-{self.settings.instance}"[:64]  # as long as a name may be
+        route = ImageRoute(
+            self.session, self.inbox, camera, receiver, qos, self.statistics, self.log
+        )
         route.start(self.stop)
         if delivery is None:
             self.statistics.input_topic = IMAGE_TOPIC

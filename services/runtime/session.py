@@ -63,7 +63,7 @@ def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
 def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
     entries: list[tuple[str, object]] = [
         ("mode", settings.mode),
-        ("connect/endpoints", [_bounded(endpoint) for endpoint in settings.connect]),
+        ("connect/endpoints", [with_send_buffer(endpoint) for endpoint in settings.connect]),
         ("connect/timeout_ms", 0),
         ("connect/retry", {"period_init_ms": 200, "period_max_ms": 1000}),
         ("scouting/multicast/enabled", False),
@@ -89,7 +89,8 @@ def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
     return entries
 
 
-def _bounded(endpoint: str) -> str:
+def with_send_buffer(endpoint: str) -> str:
+    """The endpoint with a bounded kernel send buffer, unless it says something itself."""
     if not endpoint.startswith("tcp/") or "#" in endpoint:
         return endpoint
     return f"{endpoint}#{_SEND_BUFFER}"

@@ -105,6 +105,8 @@ def test_a_receiver_changes_over_with_the_camera_and_no_frame_comes_twice(
             pixels = decode_image(arrival.payload, told, arrival.encoding)
             assert pixels.shape == IMAGE.shape
             assert inbox.get(0.0, "image") is None
+            # What has arrived as JPEG is confirmed, so that the next one may come.
+            wait_until(lambda: "detector-main" in out._window._receivers, "a confirmation")
         assert context.statistics.details["images"] == "raw"
 
 

@@ -1,0 +1,1 @@
+"""Two hosts and a link between them, for what Heel does across a network."""
