@@ -14,6 +14,7 @@ from heel.services.commands.models import app as models
 from heel.services.commands.run import run
 from heel.services.commands.scenarios import scenarios
 from heel.services.commands.schema import schema
+from heel.services.commands.security import app as security
 from heel.services.commands.status import status
 from heel.services.commands.stopping import resume, stop
 from heel.services.commands.systemd import systemd
@@ -38,6 +39,7 @@ def register_tools(app: typer.Typer) -> None:
     app.add_typer(models, name="models", rich_help_panel=_TRY)
     for command in (status, follow, stop, resume):
         app.command(rich_help_panel=_ROBOT)(command)
+    app.add_typer(security, name="security", rich_help_panel=_ROBOT)
     for command in (doctor, top, topics, hz, bw, echo):
         app.command(rich_help_panel=_LOOK)(command)
     app.command(rich_help_panel=_LOOK)(why)

@@ -50,6 +50,10 @@ _User = Annotated[
 _PasswordFile = Annotated[
     Path | None, typer.Option(help="file that holds the password of that user", metavar="FILE")
 ]
+_ConfigFile = Annotated[
+    Path | None,
+    typer.Option(help="Zenoh file, e.g. the operator's of `heel security`", metavar="FILE"),
+]
 _Config = Annotated[Path | None, typer.Option(help="settings file (TOML)", metavar="FILE")]
 P = ParamSpec("P")
 
@@ -85,6 +89,7 @@ class RobotFlags:
     namespace: _Namespace = None
     user: _User = None
     password_file: _PasswordFile = None
+    config_file: _ConfigFile = None
     config: _Config = None
 
     def find(self) -> Where:
@@ -142,7 +147,7 @@ class RobotFlags:
 
         given = {
             "connect": self.connect, "namespace": self.namespace, "user": self.user,
-            "password_file": self.password_file,
+            "password_file": self.password_file, "config_file": self.config_file,
         }  # fmt: skip
         flags: dict[str, dict[str, object]] = {
             "zenoh": {"connect_timeout_s": TIMEOUT_S} | {k: v for k, v in given.items() if v}

@@ -14,9 +14,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import zenoh
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from heel.schemas import keys
 from heel.schemas.errors import HeelError, SettingsError
@@ -43,7 +44,12 @@ from heel.services.runtime.session import (
     why_no_shared_memory,
     with_send_buffer,
 )
-from heel.services.runtime.settings import Endpoints, Loaded, StrictSettings
+from heel.services.runtime.settings import (
+    Endpoints,
+    Loaded,
+    StrictSettings,
+    with_addresses_of_file,
+)
 from heel.services.runtime.shared_memory import OWN, Sweeper
 
 _LOOPBACK_NAMES = {"localhost", "ip6-localhost"}
@@ -77,8 +83,13 @@ class RouterSettings(StrictSettings):
     )
     shared_memory: bool = Field(True, description="take part in shared memory transport")
     config_file: Path | None = Field(
-        None, description="Zenoh JSON5 file loaded first, e.g. for TLS and access control"
+        None, description="Zenoh JSON5 file loaded first, e.g. router.json5 of `heel security`"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_addresses(cls, data: Any) -> Any:
+        return with_addresses_of_file(data, {"listen": "listen/endpoints"})
 
 
 def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Config:
@@ -107,7 +118,7 @@ def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Con
         ("queries_default_timeout", int(QUERY_TIMEOUT_S * 1000)),
         ("transport/link/tx/lease", LEASE_MS),
         ("transport/link/rx/max_message_size", MAX_MESSAGE_BYTES),
-        ("low_pass_filter", [_SMALL_QUERIES]),
+        ("low_pass_filter", [*json.loads(base.get_json("low_pass_filter")), _SMALL_QUERIES]),
         ("transport/unicast/accept_timeout", _GREETING_MS),
         ("transport/unicast/accept_pending", _MOST_GREETINGS),
         ("transport/shared_memory/enabled", settings.shared_memory and may_lock_memory()),

@@ -91,7 +91,7 @@ def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
 
 def with_send_buffer(endpoint: str) -> str:
     """The endpoint with a bounded kernel send buffer, unless it says something itself."""
-    if not endpoint.startswith("tcp/") or "#" in endpoint:
+    if not endpoint.startswith(("tcp/", "tls/")) or "#" in endpoint:
         return endpoint
     return f"{endpoint}#{_SEND_BUFFER}"
 

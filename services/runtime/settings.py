@@ -16,9 +16,11 @@ The environment spells the same keys `HEEL_ZENOH__CONNECT`, `HEEL_TRACKER__SHOW_
 from __future__ import annotations
 
 import difflib
+import json
 import os
 import tomllib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar, get_args, get_origin
 
@@ -83,6 +85,30 @@ def split_list(value: object) -> object:
 Endpoints = Annotated[tuple[str, ...], BeforeValidator(split_list)]
 
 
+def with_addresses_of_file(data: Any, wanted: Mapping[str, str]) -> Any:
+    """Settings with what their `config_file` says of addresses, where they do not say it.
+
+    A file that cannot be read changes nothing: it is complained of where it is used.
+
+    Args:
+        data: the settings as they were given.
+        wanted: the place in Zenoh's configuration of each setting.
+    """
+    if not isinstance(data, dict) or not data.get("config_file"):
+        return data
+    import zenoh
+
+    told = {}
+    with suppress(zenoh.ZError):
+        config = zenoh.Config.from_file(str(data["config_file"]))
+        for name, place in wanted.items():
+            value = json.loads(config.get_json(place))
+            # Of endpoints Zenoh's own default is a list for each mode.
+            if data.get(name) is None and value and not isinstance(value, dict):
+                told[name] = value
+    return {**data, **told}
+
+
 class ZenohSettings(StrictSettings):
     """How a process joins the robot's Zenoh network."""
 
@@ -108,8 +134,18 @@ class ZenohSettings(StrictSettings):
         None, description="file that holds the password of that user and nothing else"
     )
     config_file: Path | None = Field(
-        None, description="Zenoh JSON5 file loaded first, e.g. for TLS; the settings above win"
+        None,
+        description="Zenoh JSON5 file loaded first, e.g. of `heel security`; the settings above "
+        "win where they are given",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_addresses(cls, data: Any) -> Any:
+        return with_addresses_of_file(data, {
+            "mode": "mode", "connect": "connect/endpoints", "listen": "listen/endpoints",
+            "namespace": "namespace",
+        })  # fmt: skip
 
     @model_validator(mode="after")
     def _user_has_password(self) -> Self:

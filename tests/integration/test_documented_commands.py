@@ -133,6 +133,26 @@ ELSEWHERE = {
     "heel detector --instance remote &": _REMOTE,
     "heel drive --driver serial-board --driver-options /dev/ttyUSB0":
         "tests/unit/drive/test_serial_example.py::test_the_board_is_told_velocities_and_stops",
+    **dict.fromkeys(
+        ("heel security init security --host robot.local", "heel security show security",
+         "heel security add security anna --role operate",
+         "heel security add security ben --role watch",
+         "heel security add security gpu-detector --role detector",
+         "heel security remove security ben", "heel security renew security"),
+        "tests/unit/commands/test_security_command.py::"
+        "test_the_commands_of_the_page_make_a_folder_and_change_who_is_in_it",
+    ),
+    **dict.fromkeys(
+        ("heel router --config-file security/router.json5 &",
+         "heel capture /dev/video0 --config-file security/capture.json5 &",
+         "heel detector --config-file security/detector.json5 &",
+         "heel tracker --config-file security/tracker.json5 &",
+         "heel follower --config-file security/follower.json5 &",
+         "heel drive --driver log --config-file security/drive.json5 &",
+         "heel status --config-file security/operator.json5"),
+        "tests/integration/test_security_stack.py::"
+        "test_a_robot_with_certificates_sees_follows_and_stops",
+    ),
     "docker compose build": _DOCKER,
     "docker compose up -d": _DOCKER,
     "docker compose ps": _DOCKER,

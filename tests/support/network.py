@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import queue
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -22,6 +23,13 @@ def router() -> Iterator[str]:
     """A router of one's own; yields its endpoint."""
     with open_private_router() as (_, endpoint):
         yield endpoint
+
+
+def free_port() -> int:
+    """A loopback port at which nobody listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 @contextmanager
