@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from heel.schemas import keys
 
 _INFO, _WORLD = keys.TOPICS["info"], keys.SIM_WORLD
-_PICTURES = (keys.TOPICS["image"], keys.TOPICS["taken"], _INFO)
+_IMAGES = (keys.TOPICS["image"], keys.TOPICS["jpeg"])
+_PICTURES = (*_IMAGES, keys.TOPICS["taken"], _INFO)
+_PROGRESS = keys.TOPICS["progress"]
 _SEEN = tuple(keys.TOPICS.values())
 
 
@@ -32,6 +34,11 @@ class Access:
     service: bool = True
 
 
+def _succession(service: str) -> tuple[str, str]:
+    """What a process that takes over from another one of its kind asks it."""
+    return f"cam/*/snapshot/{service}", f"cam/*/handover/{service}"
+
+
 _LOOKING = Access(
     "look at everything, and change nothing",
     hears=_SEEN,
@@ -41,16 +48,21 @@ _LOOKING = Access(
 ROLES: dict[str, Access] = {
     "capture": Access(
         "send the pictures of a camera",
-        sends=_PICTURES, hears=(keys.TOPICS["progress"],), answers=(_INFO,),
+        sends=_PICTURES, hears=(_PROGRESS,), answers=(_INFO,),
     ),
     "detector": Access(
         "find people in pictures",
-        sends=(keys.TOPICS["blobs"],),
-        hears=(keys.TOPICS["image"], keys.ALL_TRACKS, keys.FOLLOW_POINTED),
+        sends=(keys.TOPICS["blobs"], _PROGRESS),
+        hears=(*_IMAGES, _INFO, keys.ALL_TRACKS, keys.FOLLOW_POINTED, keys.TOPICS["blobs"]),
+        answers=_succession("detector"),
+        asks=(_INFO, keys.ROUTER_VERSION, *_succession("detector")),
     ),
     "tracker": Access(
         "give people identities",
-        sends=(keys.ALL_TRACKS, keys.TOPICS["events"]), hears=(keys.TOPICS["blobs"],),
+        sends=(keys.ALL_TRACKS, keys.TOPICS["events"]),
+        hears=(keys.TOPICS["blobs"], keys.ALL_TRACKS),
+        answers=_succession("tracker"),
+        asks=_succession("tracker"),
     ),
     "follower": Access(
         "command the robot",
@@ -58,8 +70,10 @@ ROLES: dict[str, Access] = {
                keys.FOLLOW_ESTOP),
         hears=(keys.ALL_TRACKS, _INFO, keys.TOPICS["taken"], keys.ROBOT_RANGE, keys.ROBOT_ODOMETRY,
                keys.FOLLOW_ESTOP, keys.FOLLOW_COMMAND),
-        answers=(keys.FOLLOW_TARGET, keys.FOLLOW_STATE, keys.FOLLOW_ESTOP),
-        asks=(_INFO, keys.FOLLOW_ESTOP),
+        answers=(keys.FOLLOW_TARGET, keys.FOLLOW_STATE, keys.FOLLOW_ESTOP,
+                 *_succession("follower")),
+        asks=(_INFO, keys.FOLLOW_TARGET, keys.FOLLOW_STATE, keys.FOLLOW_ESTOP,
+              *_succession("follower")),
     ),
     "drive": Access(
         "turn the wheels, and tell how far they went",
@@ -75,15 +89,16 @@ ROLES: dict[str, Access] = {
         "be camera, wheels' odometry and range sensor of a world that is not there",
         sends=(*_PICTURES, keys.TOPICS["blobs"], keys.ROBOT_ODOMETRY, keys.ROBOT_RANGE,
                keys.SIM_TRUTH, _WORLD),
-        hears=(keys.ROBOT_DRIVE,),
+        hears=(keys.ROBOT_DRIVE, _PROGRESS),
         answers=(_INFO, _WORLD),
     ),
     "web": Access(
         "serve the page: show everything, choose, stop and release for its users",
-        sends=(keys.FOLLOW_ESTOP,),
+        sends=(keys.FOLLOW_ESTOP, _PROGRESS),
         hears=_SEEN,
         answers=(keys.FOLLOW_ESTOP,),
-        asks=(keys.FOLLOW_TARGET, keys.FOLLOW_STATE, keys.FOLLOW_ESTOP, _WORLD),
+        asks=(keys.FOLLOW_TARGET, keys.FOLLOW_STATE, keys.FOLLOW_ESTOP, _WORLD, _INFO,
+              keys.ROUTER_VERSION),
     ),
     "watch": _LOOKING,
     "operate": Access(

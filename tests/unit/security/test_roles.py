@@ -13,12 +13,13 @@ from heel.services.security.rules import access_control, size_limits
 
 SENDERS = {
     "image": {"capture", "simulator"},
+    "jpeg": {"capture", "simulator"},
     "taken": {"capture", "simulator"},
     "info": {"capture", "simulator"},
     "blobs": {"detector", "simulator"},
     "tracks": {"tracker"},
     "events": {"tracker"},
-    "progress": set(),
+    "progress": {"detector", "web"},
     "command": {"follower"},
     "state": {"follower"},
     "target": {"follower"},
@@ -31,7 +32,7 @@ SENDERS = {
     "world": {"simulator"},
     "health": {"capture", "detector", "tracker", "follower", "drive", "sensor", "simulator", "web"},
 }
-"""Of every topic. `progress` is of lossless runs, whose router is private."""
+"""Of every topic."""
 
 
 def covers(allowed: str, key: str) -> bool:
@@ -39,7 +40,12 @@ def covers(allowed: str, key: str) -> bool:
 
 
 def key_of(topic: str, role: str) -> str:
-    return keys.TOPICS[topic].replace("cam/*", "cam/front").replace("svc/*/*", f"svc/{role}/main")
+    return (
+        keys.TOPICS[topic]
+        .replace("cam/*", "cam/front")
+        .replace("progress/*", "progress/x")
+        .replace("svc/*/*", f"svc/{role}/main")
+    )
 
 
 def test_every_topic_has_the_senders_that_it_is_meant_to_have_and_no_others() -> None:
