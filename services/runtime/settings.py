@@ -143,7 +143,7 @@ class ZenohSettings(StrictSettings):
     @classmethod
     def _take_addresses(cls, data: Any) -> Any:
         return with_addresses_of_file(data, {
-            "mode": "mode", "connect": "connect/endpoints", "listen": "listen/endpoints",
+            "connect": "connect/endpoints", "listen": "listen/endpoints",
             "namespace": "namespace",
         })  # fmt: skip
 

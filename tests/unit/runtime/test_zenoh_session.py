@@ -115,6 +115,17 @@ def test_settings_win_over_the_zenoh_file(tmp_path: Path) -> None:
     assert json.loads(config.get_json("transport/link/tx/queue/size/data")) == 3
 
 
+def test_addresses_of_the_zenoh_file_win_over_those_that_nobody_gave(tmp_path: Path) -> None:
+    file = tmp_path / "zenoh.json5"
+    file.write_text('{ connect: { endpoints: ["tcp/robot:1"] }, namespace: "r1" }')
+    assert settings(config_file=file).connect == ("tcp/robot:1",)
+    assert settings(config_file=str(file)).namespace == "r1"
+    given = settings(config_file=file, connect="tcp/other:1", namespace="r2")
+    assert (given.connect, given.namespace) == (("tcp/other:1",), "r2")
+    file.write_text("{}")
+    assert settings(config_file=file).connect == ("tcp/127.0.0.1:7447",)
+
+
 def test_the_measured_traps_are_set() -> None:
     config = zenoh_config(settings(namespace="robots/r1"))
     read = {
@@ -136,10 +147,11 @@ def test_the_measured_traps_are_set() -> None:
     [
         ("tcp/h:1", "tcp/h:1#so_sndbuf=32768"),
         ("tcp/h:1#x=1", "tcp/h:1#x=1"),
-        ("tls/h:1", "tls/h:1"),
+        ("tls/h:1", "tls/h:1#so_sndbuf=32768"),
+        ("quic/h:1", "quic/h:1"),
     ],
 )
-def test_only_plain_tcp_gets_a_bounded_send_buffer(given: str, sent: str) -> None:
+def test_what_runs_over_tcp_gets_a_bounded_send_buffer(given: str, sent: str) -> None:
     config = zenoh_config(settings(connect=[given]))
     assert json.loads(config.get_json("connect/endpoints")) == [sent]
 
