@@ -6,13 +6,25 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from heel.schemas.base import AgeNs, Count, Dimension, Message, Name, Part, Real, Text, TimeNs
+from heel.schemas.base import (
+    AgeNs,
+    Count,
+    Dimension,
+    Message,
+    Name,
+    Part,
+    Point,
+    Real,
+    Text,
+    TimeNs,
+)
 
 Producer = Annotated[
     str, Field(strict=True, pattern=r"^[a-z0-9_-]{1,64}/[a-z0-9_-]{1,64}@[0-9a-f]{8}$")
 ]
 """`service/instance@start`: `start` is random per process, so a restart is another producer."""
 
+Focal = Annotated[float, Field(strict=True, gt=0, le=1e6, description="pixels")]
 ImageEncoding = Literal["image/raw;bgr8", "image/jpeg"]
 
 
@@ -93,6 +105,20 @@ class Taken(Message):
     monotonic_ns: TimeNs = Field(description="acquisition, on that clock")
 
 
+class LensModel(Part):
+    """Focal lengths, principal point and distortion of a lens, for the published picture."""
+
+    model: Literal["plumb_bob", "equidistant"] = Field(
+        description="of the distortion: Brown's, as OpenCV orders it (k1 k2 p1 p2 k3 k4 k5 k6), or "
+        "a fisheye's (k1 to k4)"
+    )
+    focal_px: tuple[Focal, Focal] = Field(description="across and down")
+    centre_px: Point = Field(description="principal point")
+    coefficients: Annotated[tuple[Real, ...], Field(max_length=8)] = Field(
+        default=(), description="of the distortion; missing ones are 0"
+    )
+
+
 class CameraInfo(Message):
     """What is known of the camera. Latched."""
 
@@ -117,6 +143,9 @@ class CameraInfo(Message):
         default=None, description="camera above the ground; none: not known"
     )
     mount_pitch_rad: Real | None = Field(default=None, description="down is positive")
+    lens: LensModel | None = Field(
+        default=None, description="none: a pinhole without distortion is assumed"
+    )
     host: Annotated[str, Field(strict=True, pattern=r"^[0-9a-f-]{0,64}$")] = Field(
         default="",
         description="of the camera's process, named as in `taken.clock`; where it is named the "

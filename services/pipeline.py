@@ -163,8 +163,10 @@ def _camera_info(tracks: Tracks, camera: Mounting) -> CameraInfo:
     return CameraInfo(
         stream=tracks.stream, epoch=tracks.epoch, width=tracks.width, height=tracks.height,
         source_width=tracks.source_width, source_height=tracks.source_height, fps=1.0,
-        source="in process", horizontal_fov_rad=camera.horizontal_fov_rad,
+        source="in process",
+        horizontal_fov_rad=camera.horizontal_fov_rad(tracks.width, tracks.height),
         mount_height_m=camera.mount_height_m, mount_pitch_rad=camera.mount_pitch_rad,
+        lens=camera.lens(tracks.width, tracks.height),
     )  # fmt: skip
 
 

@@ -5,17 +5,47 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from heel.schemas.frame import LensModel
 from heel.services.capture.settings import CaptureSettings
 from heel.services.geometry.calibration_file import read_calibration
+from heel.services.geometry.camera import Pinhole
+from heel.services.geometry.lens_file import LensFile, read_lens
 
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """The fields of `CameraInfo` that frames do not tell; None: not known."""
+    """What frames do not tell of their camera; None: not known.
 
-    horizontal_fov_rad: float | None
+    Attributes:
+        stated_fov_rad: horizontal field of view, where no lens tells it.
+        mount_height_m, mount_pitch_rad: as of `CameraInfo`.
+        lens_file: the lens.
+    """
+
+    stated_fov_rad: float | None
     mount_height_m: float | None
     mount_pitch_rad: float | None
+    lens_file: LensFile | None = None
+
+    def horizontal_fov_rad(self, width_px: int, height_px: int) -> float | None:
+        """Of pictures of that size, by the lens where there is one.
+
+        Raises:
+            SettingsError: the file's pictures have another shape.
+        """
+        if self.lens_file is None:
+            return self.stated_fov_rad
+        lens = self.lens_file.at(width_px, height_px)
+        return Pinhole.through(lens, width_px, height_px).horizontal_fov_rad
+
+    def lens(self, width_px: int, height_px: int) -> LensModel | None:
+        """The lens for pictures of that size.
+
+        Raises:
+            SettingsError: the file's pictures have another shape.
+        """
+        file = self.lens_file
+        return None if file is None else file.at(width_px, height_px).model()
 
 
 def mounting(settings: CaptureSettings, own_fov_rad: float | None = None) -> Mounting:
@@ -26,7 +56,7 @@ def mounting(settings: CaptureSettings, own_fov_rad: float | None = None) -> Mou
         own_fov_rad: what the source knows of its field of view; wins over both.
 
     Raises:
-        SettingsError: the calibration file cannot be used.
+        SettingsError: the calibration file or that of the lens cannot be used.
     """
     fov_deg, pitch_deg = settings.horizontal_fov_deg, settings.mount_pitch_deg
     height_m = settings.mount_height_m
@@ -40,4 +70,5 @@ def mounting(settings: CaptureSettings, own_fov_rad: float | None = None) -> Mou
         stated_rad if own_fov_rad is None else own_fov_rad,
         height_m,
         None if pitch_deg is None else math.radians(pitch_deg),
+        None if settings.lens is None else read_lens(settings.lens),
     )

@@ -208,9 +208,10 @@ class CaptureService:
                 fps=self._source.fps,
                 frame_count=self._source.frame_count,
                 source=self._source.name[:512],
-                horizontal_fov_rad=self._mounting.horizontal_fov_rad,
+                horizontal_fov_rad=self._mounting.horizontal_fov_rad(width, height),
                 mount_height_m=self._mounting.mount_height_m,
                 mount_pitch_rad=self._mounting.mount_pitch_rad,
+                lens=self._mounting.lens(width, height),
                 host=monotonic_clock(),
             )
         )

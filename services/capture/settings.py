@@ -49,7 +49,12 @@ class CaptureSettings(ServiceSettings):
         None, ge=0, lt=2**63, description="fixed epoch for repeatable runs; random otherwise"
     )
     calibration: Path | None = Field(
-        None, description="file of `heel calibrate` that says how the camera is mounted"
+        None, description="file of `heel calibrate person` that says how the camera is mounted"
+    )
+    lens: Path | None = Field(
+        None,
+        description="file of the lens and its distortion, of `heel calibrate board`, ROS "
+        "(camera_info), OpenCV or Kalibr; wins over every field of view",
     )
     horizontal_fov_deg: float | None = Field(
         None,

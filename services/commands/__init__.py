@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from heel.services.commands.bus.topics import bw, echo, hz, topics
-from heel.services.commands.calibrate import calibrate
+from heel.services.commands.calibrate import app as calibrate
 from heel.services.commands.demo import demo
 from heel.services.commands.doctor.command import doctor
 from heel.services.commands.eval import score
@@ -46,6 +46,6 @@ def register_tools(app: typer.Typer) -> None:
     app.command("eval", rich_help_panel=_MEASURE)(score)
     app.command("track-detections", rich_help_panel=_MEASURE)(track_detections)
     app.command(rich_help_panel=_MEASURE)(scenarios)
-    app.command(rich_help_panel=_MEASURE)(calibrate)
+    app.add_typer(calibrate, name="calibrate", rich_help_panel=_MEASURE)
     app.command(rich_help_panel=_MEASURE)(schema)
     app.command(rich_help_panel=_MEASURE)(systemd)

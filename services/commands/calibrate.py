@@ -1,24 +1,135 @@
-"""`heel calibrate`: the camera's mount, from a person of known height that walks about."""
+"""`heel calibrate`: a camera's mount from a person of known height, its lens from a board."""
 
 from __future__ import annotations
 
 import math
+import time
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 from heel.schemas.errors import HeelError, SettingsError
+from heel.services.geometry.camera import Pinhole
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
+
+    from heel.services.geometry.board import Board, Views
 
     FloatArray = NDArray[np.float64]
 
 
-def calibrate(
+app = typer.Typer(
+    help="The camera's lens from a board, its mount from a person who walks about.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+@app.command()
+def board(
+    source: Annotated[
+        str, typer.Argument(help="recording, folder of pictures, or camera", metavar="SOURCE")
+    ],
+    board: Annotated[
+        str,
+        typer.Option(
+            help="inner corners of a checkerboard; squares, with --marker-mm",
+            metavar="COLUMNSxROWS",
+        ),
+    ] = "9x6",
+    square_mm: Annotated[
+        float, typer.Option(min=1, max=1000, help="side of a square, millimetres")
+    ] = 25.0,
+    marker_mm: Annotated[
+        float | None,
+        typer.Option(min=1, max=1000, help="a ChArUco board: side of its markers, millimetres"),
+    ] = None,
+    dictionary: Annotated[str, typer.Option(help="of a ChArUco board's markers")] = "5X5_100",
+    fisheye: Annotated[
+        bool, typer.Option("--fisheye", help="fit a fisheye: for lenses above 110 degrees")
+    ] = False,
+    seconds: Annotated[
+        float, typer.Option(min=1, max=3600, help="longest look at a camera")
+    ] = 120.0,
+    out: Annotated[
+        Path | None, typer.Option(help="file for `heel capture --lens`", metavar="FILE")
+    ] = None,
+) -> None:
+    """Estimate focal length and distortion; write them as a ROS camera_info file."""
+    from heel.services.geometry.board import estimate_lens
+    from heel.services.geometry.lens_file import write_lens
+
+    columns, rows = _counts(board)
+    views = _views(source, _board_of(columns, rows, square_mm, marker_mm, dictionary), seconds)
+    estimate = estimate_lens(views, fisheye)
+    found = estimate.found
+    camera = Pinhole.through(found.lens, found.width_px, found.height_px)
+    typer.echo(
+        f"field of view {math.degrees(camera.horizontal_fov_rad):.1f} degrees, focal length "
+        f"{found.lens.focal_px[0]:.1f} px; {estimate.views} views cover {estimate.covered:.0%} of "
+        f"the picture; corners are {estimate.residual_px:.2f} px off"
+    )
+    if out is not None:
+        write_lens(out, found, "heel")
+        typer.echo(f"wrote {out}: use it with `heel capture --lens {out}`")
+
+
+def _counts(text: str) -> tuple[int, int]:
+    columns, _, rows = text.lower().partition("x")
+    if not (columns.isdecimal() and rows.isdecimal() and min(int(columns), int(rows)) >= 3 and
+            max(int(columns), int(rows)) <= 64):  # fmt: skip
+        raise SettingsError(f"--board {text}: give COLUMNSxROWS, from 3 to 64 each, e.g. 9x6")
+    return int(columns), int(rows)
+
+
+def _board_of(
+    columns: int, rows: int, square_mm: float, marker_mm: float | None, dictionary: str
+) -> Board:
+    from heel.services.geometry.board import CharucoBoard, Checkerboard
+
+    if marker_mm is None:
+        return Checkerboard(columns, rows, square_mm / 1000)
+    return CharucoBoard(columns, rows, square_mm / 1000, marker_mm / 1000, dictionary)
+
+
+def _views(source: str, board: Board, seconds: float) -> Views:
+    """Views of the board in a source; what is still missing is said while a camera looks.
+
+    Raises:
+        HeelError: it cannot be read, or its pictures change their size.
+    """
+    import cv2
+
+    from heel.services.geometry.board import MOST_VIEWS, Views
+    from heel.services.pipeline import RecordedFrames
+
+    views: Views | None = None
+    end_s = time.monotonic() + seconds
+    with RecordedFrames(source) as frames:
+        for _, image, _ in frames:
+            size = image.shape[1], image.shape[0]
+            views = views or Views(size)
+            if size != views.size_px:
+                raise HeelError(f"{source}: pictures of {views.size_px} and {size}: give one size")
+            view = board.find(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8))
+            if view is not None and views.add(view) and frames.source.is_live:
+                hint = f"; show it in the {views.missing}" if views.missing else ""
+                typer.echo(f"{len(views.chosen)} views, {views.covered.mean():.0%} covered{hint}")
+            if len(views.chosen) >= MOST_VIEWS and not views.missing:
+                break
+            if frames.source.is_live and time.monotonic() > end_s:
+                break
+    if views is None:
+        raise HeelError(f"{source}: no picture")
+    return views
+
+
+@app.command()
+def person(
     source: Annotated[
         str, typer.Argument(help="recording, or tracks.txt of one", metavar="SOURCE|TRACKS")
     ],
@@ -32,8 +143,9 @@ def calibrate(
     image_size: Annotated[
         str | None, typer.Option(help="size of the picture, for tracks", metavar="WxH")
     ] = None,
-    person: Annotated[
-        int | None, typer.Option(help="id of the person [default: the one with most boxes]")
+    track: Annotated[
+        int | None,
+        typer.Option("--person", help="id of the person [default: the one with most boxes]"),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="file for `heel capture --calibration`", metavar="FILE")
@@ -50,7 +162,7 @@ def calibrate(
         boxes, size = _of_tracks(file, image_size), _size(image_size)
     else:
         boxes, size = _of_recording(source)
-    chosen = _most_seen(boxes) if person is None else person
+    chosen = _most_seen(boxes) if track is None else track
     if chosen not in boxes:
         raise HeelError(f"{source}: nobody has id {chosen}; ids: {_listed(boxes)}")
     fov_rad = None if fov_deg is None else math.radians(fov_deg)
@@ -110,8 +222,6 @@ def _of_recording(source: str) -> tuple[dict[int, FloatArray], tuple[int, int]]:
     Raises:
         HeelError: it cannot be read, or shows no person.
     """
-    import numpy as np
-
     from heel.services.pipeline import RecordedFrames, load_pipeline
 
     pipeline, _ = load_pipeline("default", "none", None)

@@ -83,7 +83,7 @@ def _fov(info: CameraInfo) -> float:
 
 
 def _same_optics(one: CameraInfo, other: CameraInfo) -> bool:
-    return all(
+    return one.lens == other.lens and all(
         (a is None) == (b is None) and math.isclose(a or 0.0, b or 0.0, abs_tol=tolerance)
         for a, b, tolerance in (
             (one.horizontal_fov_rad, other.horizontal_fov_rad, _FOV_TOLERANCE_RAD),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from heel.schemas import CameraInfo, Track, Tracks
 from heel.services.follower.learned_ground import LearnedGround
 from heel.services.follower.learned_width import LearnedWidth
-from heel.services.geometry.camera import GroundCamera, Pinhole, camera_from_info
+from heel.services.geometry.camera import GroundCamera, Pinhole, camera_from_info, resized
 from heel.services.geometry.person import PersonModel, PersonPosition, locate_person, locate_raised
 from heel.services.geometry.person_box import PersonBox
 
@@ -60,11 +60,8 @@ class PlaceReader:
 
     def set_camera(self, info: CameraInfo) -> None:
         """Use what the camera says of itself; another one is mounted elsewhere."""
-        told = (info.horizontal_fov_rad, info.mount_height_m, info.mount_pitch_rad)
         known = self._info
-        if known is None or told != (
-            known.horizontal_fov_rad, known.mount_height_m, known.mount_pitch_rad
-        ):  # fmt: skip
+        if known is None or _optics(info) != _optics(known):
             self._ground = LearnedGround()
         self._info, self._camera = info, None
 
@@ -78,7 +75,7 @@ class PlaceReader:
         """Of that camera, from the middle to a side."""
         if self._camera is None:
             return 0.0
-        return math.atan(self._camera.width_px / 2 / self._camera.focal_px)
+        return self._camera.horizontal_fov_rad / 2
 
     def look_at(self, tracks: Tracks) -> None:
         """Take the size of a frame's picture; before `read` of its tracks."""
@@ -86,8 +83,7 @@ class PlaceReader:
         if self._camera is None or (self._camera.width_px, self._camera.height_px) != size:
             made = None
             if self._info is not None:
-                info = self._info.model_copy(update={"width": size[0], "height": size[1]})
-                made = camera_from_info(info, self._fov_rad)
+                made = camera_from_info(resized(self._info, *size), self._fov_rad)
             self._camera = made or Pinhole.from_fov(*size, self._fov_rad)
 
     def read(self, track: Track, width: LearnedWidth, t_s: float) -> Place | None:
@@ -123,6 +119,10 @@ class PlaceReader:
         whole = box.head_seen and box.feet_seen and box.height_m() < math.inf
         if whole and seen.evidence != "width" and not isinstance(box.camera, GroundCamera):
             self._ground.learn(box.lower_slope, box.height_m(), box.height_noise(), t_s)
+
+
+def _optics(info: CameraInfo) -> tuple[object, ...]:
+    return info.horizontal_fov_rad, info.mount_height_m, info.mount_pitch_rad, info.lens
 
 
 def _told_or_seen(track: Track, seen: PersonPosition | None, unmounted: bool) -> Place | None:

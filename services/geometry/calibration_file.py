@@ -1,4 +1,4 @@
-"""The file that says how a camera is mounted: written by `heel calibrate`, read by capture."""
+"""The file that says how a camera is mounted: `heel calibrate person` writes it."""
 
 from __future__ import annotations
 
@@ -94,7 +94,8 @@ def read_calibration(file: Path) -> Calibration:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"])
         raise SettingsError(
-            f"calibration file {file}: {where}: {first['msg']}; make it with `heel calibrate`"
+            f"calibration file {file}: {where}: {first['msg']}; make it with `heel calibrate "
+            "person`"
         ) from None
 
 

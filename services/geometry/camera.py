@@ -1,4 +1,5 @@
-"""Pinhole cameras, with and without known mounting, and what they see of flat ground.
+"""Cameras, with and without a lens that distorts or a known mounting, and what they see of flat
+ground.
 
 Ground frame: origin on the ground below the camera, x ahead, y to the left, z up, metres.
 Picture: u to the right, v down, pixels, origin at the top left corner.
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from heel.schemas import CameraInfo
+from heel.services.geometry.lens import Lens
 
 FloatArray = NDArray[np.float64]
 _LEAST_DEPTH_M = 1e-6
@@ -25,11 +27,12 @@ _PERSON_WIDTH_M = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Pinhole:
-    """A camera with square pixels, no distortion and no roll, mounted nobody knows how.
+    """A camera with no roll, mounted nobody knows how; of square pixels unless it has a lens.
 
     Attributes:
         focal_px: focal length in pixels.
         centre_x_px, centre_y_px: principal point; the middle of the picture unless given.
+        lens: its distortion; rays then go by it alone.
     """
 
     width_px: int
@@ -37,6 +40,7 @@ class Pinhole:
     focal_px: float
     centre_x_px: float = math.nan
     centre_y_px: float = math.nan
+    lens: Lens | None = None
 
     def __post_init__(self) -> None:
         if not (self.width_px > 0 and self.height_px > 0 and 0 < self.focal_px < math.inf):
@@ -54,23 +58,36 @@ class Pinhole:
         """A camera of a stated horizontal field of view, in (0, pi)."""
         return cls(width_px, height_px, focal_length_px(width_px, horizontal_fov_rad))
 
+    @classmethod
+    def through(cls, lens: Lens, width_px: int, height_px: int) -> Self:
+        """A camera with a lens."""
+        return cls(width_px, height_px, lens.focal_px[0], *lens.centre_px, lens)
+
     @property
     def horizontal_fov_rad(self) -> float:
         """Angle between the left and the right border."""
-        right_px = self.width_px - self.centre_x_px
-        return math.atan(self.centre_x_px / self.focal_px) + math.atan(right_px / self.focal_px)
+        row_px = self.centre_y_px
+        left, right = self.across_and_down(0.0, row_px), self.across_and_down(self.width_px, row_px)
+        return math.atan(right[0]) - math.atan(left[0])
 
     def mounted(self, mount_height_m: float, pitch_rad: float) -> GroundCamera:
         """The same camera, its mounting known."""
         return GroundCamera(
             self.width_px, self.height_px, self.focal_px, self.centre_x_px, self.centre_y_px,
-            mount_height_m, pitch_rad,
+            self.lens, mount_height_m, pitch_rad,
         )  # fmt: skip
+
+    def across_and_down(self, u_px: float, v_px: float) -> tuple[float, float]:
+        """Ray of a pixel: to the right and down, 1 deep along the optical axis."""
+        if self.lens is not None:
+            right, down = self.lens.rays((u_px, v_px)).tolist()
+            return right, down
+        return (u_px - self.centre_x_px) / self.focal_px, (v_px - self.centre_y_px) / self.focal_px
 
     def ray(self, u_px: float, v_px: float) -> tuple[float, float, float]:
         """Direction (x, y, z) of a pixel, 1 deep along the optical axis; the camera held level."""
-        down = (v_px - self.centre_y_px) / self.focal_px
-        return 1.0, (self.centre_x_px - u_px) / self.focal_px, -down
+        right, down = self.across_and_down(u_px, v_px)
+        return 1.0, -right, -down
 
     def bearing_rad(self, u_px: float, v_px: float) -> float:
         """Angle of a pixel from straight ahead, left is positive."""
@@ -108,13 +125,12 @@ class GroundCamera(Pinhole):
 
     @property
     def horizon_px(self) -> float:
-        """Row of the horizon in the middle of the picture."""
+        """Row of the horizon in the middle of the picture, a lens apart."""
         return self.centre_y_px - self.focal_px * math.tan(self.pitch_rad)
 
     def ray(self, u_px: float, v_px: float) -> tuple[float, float, float]:
         """Direction (x, y, z) of a pixel in the ground frame, 1 deep along the optical axis."""
-        right = (u_px - self.centre_x_px) / self.focal_px
-        down = (v_px - self.centre_y_px) / self.focal_px
+        right, down = self.across_and_down(u_px, v_px)
         sine, cosine = math.sin(self.pitch_rad), math.cos(self.pitch_rad)
         return cosine - down * sine, -right, -sine - down * cosine
 
@@ -124,11 +140,12 @@ class GroundCamera(Pinhole):
         sine, cosine = math.sin(self.pitch_rad), math.cos(self.pitch_rad)
         below = self.mount_height_m - z
         depth = x * cosine + below * sine
-        scale = self.focal_px / np.where(depth > _LEAST_DEPTH_M, depth, np.nan)
-        return np.stack(
-            [self.centre_x_px - scale * y, self.centre_y_px + scale * (below * cosine - x * sine)],
-            axis=-1,
-        )
+        deep = np.where(depth > _LEAST_DEPTH_M, depth, np.nan)
+        down = below * cosine - x * sine
+        if self.lens is not None:
+            return self.lens.pixels(np.stack([-y / deep, down / deep], axis=-1))
+        scale = self.focal_px / deep
+        return np.stack([self.centre_x_px - scale * y, self.centre_y_px + scale * down], axis=-1)
 
     def ground(self, pixels: ArrayLike) -> FloatArray:
         """(..., 2) pixels to (..., 2) points x, y of the ground; NaN at and above the horizon."""
@@ -171,8 +188,11 @@ class GroundCamera(Pinhole):
 
     def _rays(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Ahead, left and fall (down) of the rays of (..., 2) pixels, 1 deep."""
-        right = (pixels[..., 0] - self.centre_x_px) / self.focal_px
-        down = (pixels[..., 1] - self.centre_y_px) / self.focal_px
+        if self.lens is not None:
+            right, down = np.moveaxis(self.lens.rays(pixels), -1, 0)
+        else:
+            right = (pixels[..., 0] - self.centre_x_px) / self.focal_px
+            down = (pixels[..., 1] - self.centre_y_px) / self.focal_px
         sine, cosine = math.sin(self.pitch_rad), math.cos(self.pitch_rad)
         return cosine - down * sine, -right, sine + down * cosine
 
@@ -188,6 +208,15 @@ def focal_length_px(width_px: int, horizontal_fov_rad: float) -> float:
     return width_px / (2.0 * math.tan(horizontal_fov_rad / 2.0))
 
 
+def resized(info: CameraInfo, width_px: int, height_px: int) -> CameraInfo:
+    """The same camera with pictures of another size."""
+    lens = info.lens
+    if lens is not None:
+        factors = width_px / info.width, height_px / info.height
+        lens = Lens.told(lens).scaled(*factors).model()
+    return info.model_copy(update={"width": width_px, "height": height_px, "lens": lens})
+
+
 def camera_from_info(info: CameraInfo, horizontal_fov_rad: float | None = None) -> Pinhole | None:
     """The camera as its capture describes it: mounted if height and pitch are known.
 
@@ -199,9 +228,12 @@ def camera_from_info(info: CameraInfo, horizontal_fov_rad: float | None = None) 
         None where nothing tells the field of view.
     """
     fov_rad = info.horizontal_fov_rad or horizontal_fov_rad
-    if fov_rad is None:
+    if info.lens is not None:
+        camera = Pinhole.through(Lens.told(info.lens), info.width, info.height)
+    elif fov_rad is not None:
+        camera = Pinhole.from_fov(info.width, info.height, fov_rad)
+    else:
         return None
-    camera = Pinhole.from_fov(info.width, info.height, fov_rad)
     height_m, pitch_rad = info.mount_height_m, info.mount_pitch_rad
     if not height_m or pitch_rad is None or abs(pitch_rad) >= math.pi / 2:
         return camera

@@ -79,8 +79,8 @@ class TrackerSettings(BaseModel):
     )
     calibration: Path | None = Field(
         default=None,
-        description="on foreground: file of `heel calibrate` or Town Centre's .ci: how the camera "
-        "is mounted, from which the scene's scale is taken instead of learned",
+        description="on foreground: file of `heel calibrate person` or Town Centre's .ci: how the "
+        "camera is mounted, from which the scene's scale is taken instead of learned",
     )
 
     @model_validator(mode="before")

@@ -140,8 +140,8 @@ class Follower:
             detector: settings of the detector; None for the defaults.
             tracker: settings of the tracker.
             follower: settings of the follower.
-            calibration: file of `heel calibrate` that says how the camera is mounted; distances
-                are judged by the height of boxes without it.
+            calibration: file of `heel calibrate person` that says how the camera is mounted;
+                distances are judged by the height of boxes without it.
 
         Raises:
             SettingsError: the model or a file cannot be used, or settings contradict each other.
@@ -382,7 +382,7 @@ def open(
         detector: settings of the detector; None for the defaults.
         tracker: settings of the tracker.
         follower: settings of the follower.
-        calibration: file of `heel calibrate` that says how the camera is mounted.
+        calibration: file of `heel calibrate person` that says how the camera is mounted.
 
     Raises:
         SourceError: the source cannot be read; the message says what to do.

@@ -37,7 +37,7 @@ HERE = {
     "heel why incident.jsonl --frame 412",
     "heel why incident.jsonl --frame 412 --frames incident.mp4 --tracks incident/tracks.txt "
     "--strip why.png",
-    "heel calibrate walk.mp4 --person-height 1.75 --fov-deg 90 --out camera.toml",
+    "heel calibrate person walk.mp4 --person-height 1.75 --fov-deg 90 --out camera.toml",
     "heel track-detections ../shared/data/PETS09-S2L1 --out tracks.txt",
     "heel track-detections det.txt --out tracks.txt --fps 25 --image-size 1920x1080",
     "heel track-detections det.txt --out tracks.txt --fps 25 --frames img1 --config settings.toml",
@@ -75,6 +75,10 @@ _STOPPING = "tests/integration/test_time_to_stop.py::test_the_robot_stands_in_ti
 _MODEL = "tests/integration/test_run_with_model.py::"
 
 ELSEWHERE = {
+    "heel calibrate board board.mp4 --board 9x6 --square-mm 25 --out lens.yaml":
+        "tests/unit/geometry/test_board.py::test_from_pictures_to_a_file_that_capture_reads",
+    "heel capture /dev/video0 --lens lens.yaml":
+        "tests/unit/capture/test_describe.py::test_a_lens_tells_field_of_view_and_distortion",
     "heel demo --scene": _README + "test_the_drawn_scene_is_played_once_and_scored",
     "heel demo": "tests/integration/test_demo.py::test_it_ends_after_so_long_and_says_how_it_went",
     "heel run video.mp4 --out results --annotate": _README + "test_recording_commands",
@@ -327,7 +331,7 @@ def bus(folder: Path, lines: list[str], **environment: str) -> Iterator[dict[str
 
 
 def test_a_camera_is_calibrated_from_a_recording_and_told_of_it(desk: Path) -> None:
-    line = "heel calibrate walk.mp4 --person-height 1.75 --fov-deg 90 --out camera.toml"
+    line = "heel calibrate person walk.mp4 --person-height 1.75 --fov-deg 90 --out camera.toml"
     done = run(line, desk)
     assert done.returncode == 0, done.stderr
     camera = "heel capture /dev/video0 --calibration camera.toml"

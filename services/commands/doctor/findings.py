@@ -231,8 +231,8 @@ def _calibration(bus: BusFacts) -> Iterator[Finding]:
     if camera.horizontal_fov_rad is None or camera.mount_height_m is None:
         yield Finding("note", about, "the camera tells neither field of view nor height: distances "
                       "are estimated from people's size alone",
-                      "heel calibrate RECORDING --out camera.toml; heel capture --calibration "
-                      "camera.toml")  # fmt: skip
+                      "heel calibrate person RECORDING --out camera.toml; heel capture "
+                      "--calibration camera.toml")  # fmt: skip
         return
     fov_deg, height_m = math.degrees(camera.horizontal_fov_rad), camera.mount_height_m
     pitch_deg = math.degrees(camera.mount_pitch_rad or 0.0)
@@ -244,7 +244,7 @@ def _calibration(bus: BusFacts) -> Iterator[Finding]:
     if odd:
         yield Finding("wrong", about, f"{told}: no robot's camera has this {' and '.join(odd)}; "
                       "degrees and radians, or metres and centimetres, may be mixed up",
-                      "heel calibrate RECORDING --out camera.toml")  # fmt: skip
+                      "heel calibrate person RECORDING --out camera.toml")  # fmt: skip
     else:
         yield Finding("ok", about, told)
 

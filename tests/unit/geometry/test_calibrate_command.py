@@ -1,4 +1,4 @@
-"""`heel calibrate` from a tracks file: what it prints, writes and refuses."""
+"""`heel calibrate person` from a tracks file: what it prints, writes and refuses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from heel.evaluation.motchallenge import write_tracks
 from heel.evaluation.rows import rows_from_xyxy
 from heel.schemas import HeelError
-from heel.services.commands.calibrate import calibrate
+from heel.services.commands.calibrate import person
 from heel.services.geometry.calibration_file import read_calibration
 from heel.services.geometry.camera import Pinhole
 
@@ -34,7 +34,7 @@ def test_it_prints_the_mounting_and_writes_a_file_that_capture_reads(
     tracks: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tracks.parent / "camera.toml"
-    calibrate(str(tracks), 1.75, 70.0, "640x480", None, out)
+    person(str(tracks), 1.75, 70.0, "640x480", None, out)
     printed = capsys.readouterr().out
     assert "height 0.8" in printed
     assert "person 3: " in printed
@@ -44,7 +44,7 @@ def test_it_prints_the_mounting_and_writes_a_file_that_capture_reads(
 
 
 @pytest.mark.parametrize(
-    ("fov_deg", "size", "person", "words"),
+    ("fov_deg", "size", "track", "words"),
     [
         (70.0, None, None, "--image-size"),
         (70.0, "640", None, "'640': give WIDTHxHEIGHT"),
@@ -55,7 +55,7 @@ def test_it_prints_the_mounting_and_writes_a_file_that_capture_reads(
     ],
 )
 def test_what_is_missing_is_said_with_the_remedy(
-    tracks: Path, fov_deg: float | None, size: str | None, person: int | None, words: str
+    tracks: Path, fov_deg: float | None, size: str | None, track: int | None, words: str
 ) -> None:
     with pytest.raises(HeelError, match=words):
-        calibrate(str(tracks), 1.75, fov_deg, size, person, None)
+        person(str(tracks), 1.75, fov_deg, size, track, None)

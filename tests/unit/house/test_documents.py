@@ -164,6 +164,8 @@ _WORDS = {
     "cap_add", "shared_memory_full", "sequence_file",
     # Of `heel.api`, which are no fields of messages.
     "time_s", "age_s",
+    # A model of lenses, by ROS's name.
+    "plumb_bob",
 }  # fmt: skip
 """Other words with an underscore: of Docker, health's details, the map of rooms, Python."""
 

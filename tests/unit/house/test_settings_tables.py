@@ -31,6 +31,8 @@ from heel.services.drive.core import Drive
 from heel.services.drive.drivers import open_driver
 from heel.services.drive.settings import DriveServiceSettings
 from heel.services.geometry.calibration_file import Calibration, write_calibration
+from heel.services.geometry.lens import Lens
+from heel.services.geometry.lens_file import LensFile, write_lens
 from heel.services.runtime.logs import set_up_logging
 from heel.services.runtime.router import RouterSettings, router_config
 from heel.services.runtime.session import zenoh_config
@@ -137,6 +139,7 @@ CAPTURE: Table = {
     "consumer_timeout_s": ReadBy("capture/service.py", "self._settings.consumer_timeout_s"),
     "epoch": ReadBy("capture/service.py", "context.settings.epoch"),
     "calibration": Changes("camera.toml", mounting),
+    "lens": Changes("lens.yaml", mounting),
     "horizontal_fov_deg": Changes(80.0, mounting, {"calibration": "camera.toml"}),
     "mount_height_m": Changes(0.4, mounting, {"calibration": "camera.toml"}),
     "mount_pitch_deg": Changes(-5.0, mounting, {"calibration": "camera.toml"}),
@@ -353,6 +356,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     write_calibration(
         tmp_path / "camera.toml",
         Calibration(mount_height_m=0.9, mount_pitch_deg=3.0, horizontal_fov_deg=70.0),
+    )
+    write_lens(
+        tmp_path / "lens.yaml", LensFile(640, 480, Lens(False, (500.0, 500.0), (320.0, 240.0))), ""
     )
     (tmp_path / "users.txt").write_text("robot:secret\n")
     (tmp_path / "users.txt").chmod(0o600)

@@ -45,6 +45,7 @@ from heel.schemas import (
     Tracks,
     encode,
 )
+from heel.schemas.frame import LensModel
 
 GOLDEN = Path(__file__).parent / "golden"
 PRODUCER = "detector/main@0123abcd"
@@ -81,6 +82,10 @@ EXAMPLES: tuple[Message, ...] = (
     CameraInfo(
         stream="front", epoch=5, **SIZE, fps=25.0, frame_count=795, source="walk.avi",
         horizontal_fov_rad=1.0471975511965976, mount_height_m=0.5, mount_pitch_rad=-0.25,
+        lens=LensModel(
+            model="equidistant", focal_px=(2.5, 2.75), centre_px=(1.5, 1.0),
+            coefficients=(-0.25, 0.125),
+        ),
         host="0a1b2c3d-0000-4000-8000-00000000beef-4026531834",
     ),
     Blobs(
