@@ -135,7 +135,8 @@ def test_capture_tells_what_the_file_says_unless_a_setting_wins(tmp_path: Path) 
     assert told.mount_pitch_rad == pytest.approx(math.radians(10))
     assert told.horizontal_fov_rad(640, 480) == pytest.approx(math.pi / 2)
     nothing = mounting(CaptureSettings())
-    assert nothing.horizontal_fov_rad is nothing.mount_height_m is nothing.mount_pitch_rad is None
+    assert nothing.horizontal_fov_rad(640, 480) is nothing.mount_height_m is None
+    assert nothing.mount_pitch_rad is None
 
 
 @pytest.mark.parametrize(
