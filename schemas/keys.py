@@ -26,6 +26,7 @@ ROUTER_VERSION = "svc/router/main/version"
 """Heel's routers answer here which software they are, and on which host."""
 ALL_HEALTH = "svc/*/*/health"
 ALL_CONFIG = "svc/*/*/config"
+ALL_SAVE = "svc/recorder/*/save"
 ALL_ALIVE = "alive/*/*"
 ALL_TRACKS = "cam/*/tracks"
 TOPICS = {
@@ -119,6 +120,11 @@ def health(service: str, instance: str) -> str:
 def config(service: str, instance: str) -> str:
     """Queryable that answers with the settings in force, as JSON."""
     return f"svc/{chunk(service, 'service')}/{chunk(instance, 'instance')}/config"
+
+
+def save(instance: str) -> str:
+    """Queryable of a recorder: writes what it holds to a file, and answers with its name."""
+    return f"svc/recorder/{chunk(instance, 'instance')}/save"
 
 
 def alive(service: str, instance: str) -> str:

@@ -15,9 +15,11 @@ from heel.services.runtime import one_blas_thread  # noqa: F401
 from heel.services.capture.settings import CaptureSettings
 from heel.services.commands import SERVICES, register_tools
 from heel.services.commands.grouped import GroupedCommands
+from heel.services.commands.recording.record import record_command
 from heel.services.detector.settings import DetectorServiceSettings
 from heel.services.drive.settings import DriveServiceSettings
 from heel.services.follower.settings import FollowerServiceSettings
+from heel.services.recorder.settings import RecorderSettings
 from heel.services.runtime.command_line import later, run_process, settings_command
 from heel.services.runtime.process import software_version
 from heel.services.runtime.router import RouterSettings
@@ -65,12 +67,13 @@ def _heel(
 
 know_tables(
     {name: model for name, model, _ in _SERVICES}
-    | {"router": RouterSettings, "robot": RobotSettings}
+    | {"recorder": RecorderSettings, "router": RouterSettings, "robot": RobotSettings}
 )
 register_tools(app)
 for _name, _model, _summary in _SERVICES:
     _run = later(f"heel.services.{_name}.service")
     app.command(_name, rich_help_panel=SERVICES)(settings_command(_name, _model, _run, _summary))
+app.command("record", rich_help_panel=SERVICES)(record_command())
 app.command("router", rich_help_panel=SERVICES)(
     settings_command(
         "router",

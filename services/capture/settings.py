@@ -16,8 +16,9 @@ class CaptureSettings(ServiceSettings):
 
     source: str = Field(
         "scene:demo",
-        description="video file, image folder, MOTChallenge sequence, /dev/videoN, rtsp:// or "
-        "http:// address, scene:NAME, or pan:RECORDING, a window that turns with the robot",
+        description="video file, recording of heel record (.mcap), image folder, MOTChallenge "
+        "sequence, /dev/videoN, rtsp:// or http:// address, scene:NAME, or pan:RECORDING, a window "
+        "that turns with the robot",
         json_schema_extra={"positional": True},
     )
     scale: float = Field(1.0, gt=0, le=1, description="factor for both sides of every frame")

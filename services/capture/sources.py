@@ -15,6 +15,7 @@ from heel.services.capture.adjust import AdjustedSource, LoopedSource, check_adj
 from heel.services.capture.camera import STREAM_SCHEMES, open_device, open_stream
 from heel.services.capture.ffmpeg import shown_path
 from heel.services.capture.image_folder import IMAGE_SUFFIXES, ImageFolderSource, list_images
+from heel.services.capture.recording import names_recording, open_recording
 from heel.services.capture.scene_source import SCENE_PREFIX, open_scene
 from heel.services.capture.sequence import open_sequence
 from heel.services.capture.source import FrameSource, Warn, log_warning
@@ -41,8 +42,9 @@ def open_source(
     """Open whatever `spec` names.
 
     Args:
-        spec: a video file, a picture, a folder of pictures, a MOTChallenge sequence directory,
-            `/dev/videoN`, `N` or any other name of a camera's device, an `rtsp://` or `http://`
+        spec: a video file, a recording of `heel record`, a picture, a folder of pictures, a
+            MOTChallenge sequence directory, `/dev/videoN`, `N` or any other name of a camera's
+            device, an `rtsp://` or `http://`
             address (and their TLS forms), `scene:NAME?seed=1&people=6&frames=400`, or a window of
             a recording that turns:
             `pan:PATH?width=384&height=288`.
@@ -108,6 +110,8 @@ def _is_animated(path: Path) -> bool:
 def _open_recording(spec: str, warn: Warn) -> FrameSource:
     if spec.startswith(SCENE_PREFIX):
         return open_scene(spec)
+    if names_recording(spec):
+        return open_recording(spec, warn)
     path = Path(spec)
     if spec and os.path.isdir(path):
         if sequence_file(path) is not None:

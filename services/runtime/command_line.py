@@ -39,8 +39,9 @@ def settings_command(
 ) -> Callable[..., None]:
     """Make a function that typer turns into `heel SERVICE` with a flag per setting.
 
-    A field whose `json_schema_extra` has `positional` becomes an argument. Flags of the shared
-    tables keep their table's name where they would be ambiguous (`--log-level`).
+    A field whose `json_schema_extra` has `positional` becomes an argument; `flag` in it names the
+    flag where the field's name does not. Flags of the shared tables keep their table's name where
+    they would be ambiguous (`--log-level`).
 
     Args:
         service: name of the service and of its table in files and the environment.
@@ -113,7 +114,7 @@ def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
     if extra.get("positional"):
         argument = typer.Argument(help=described, metavar=name.upper())
         return _keyword(name, Annotated[str | None, argument])
-    option = f"--{name.replace('_', '-')}"
+    option = f"--{str(extra.get('flag', name)).replace('_', '-')}"
     if field.annotation is bool:
         flag = f"{option}/--no-{option[2:]}"
         return _keyword(name, Annotated[bool | None, typer.Option(flag, help=described)])

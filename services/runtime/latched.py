@@ -6,7 +6,7 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import Generic, TypeVar
 
@@ -58,17 +58,28 @@ def latched_values(
 ) -> Iterator[M]:
     """Ask once for what is latched under `key`; answers that are no `kind` are logged.
 
+    Ends as `latched_samples`.
+    """
+    for sample in latched_samples(session, (key,), stop):
+        try:
+            yield _decoded(kind, sample)
+        except MessageError as error:
+            log.warning("%s: %s", key, error)
+
+
+def latched_samples(
+    session: zenoh.Session, wanted: Iterable[str], stop: threading.Event
+) -> Iterator[zenoh.Sample]:
+    """Ask once for what is kept under some keys; yields the answers as they come.
+
     Ends when all have answered, after a second, or when `stop` is set, whichever is first.
     """
-    question = _Question(session, key, _LONGEST_S)
+    questions = [_Question(session, key, _LONGEST_S) for key in wanted]
     deadline_s = time.monotonic() + _LONGEST_S
     while not stop.is_set():
-        for sample in question.answers():
-            try:
-                yield _decoded(kind, sample)
-            except MessageError as error:
-                log.warning("%s: %s", key, error)
-        if question.over or time.monotonic() > deadline_s:
+        for question in questions:
+            yield from question.answers()
+        if all(question.over for question in questions) or time.monotonic() > deadline_s:
             return
         stop.wait(_LOOK_S)
 

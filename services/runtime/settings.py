@@ -47,11 +47,15 @@ from heel.schemas.base import Name
 from heel.schemas.errors import SettingsError
 from heel.services.runtime.passwords import without_passwords
 
-SERVICES = ("capture", "detector", "tracker", "follower", "drive", "web", "simulator", "router")
+SERVICES = (
+    "capture", "detector", "tracker", "follower", "drive", "web", "recorder", "simulator", "router",
+)  # fmt: skip
 SECTIONS = (*SERVICES, "robot", "zenoh", "log")
 ENVIRONMENT_PREFIX = "HEEL_"
 PROFILE = "HEEL_PROFILE"
 """Names the profile of all processes that inherit it."""
+_COMMANDS = {"robot": "status", "recorder": "record"}
+"""Commands whose help tells of a table, where they are not called as it is."""
 _PROFILES = Path(__file__).with_name("profiles")
 
 
@@ -450,6 +454,5 @@ def _explain(error: ValidationError, service: str, model: type[BaseModel]) -> st
         return f"{where}: unknown key{_nearest(path[1], owners[path[0]].model_fields)}"
     given = without_passwords(repr(first.get("input")))
     value = "" if len(path) < 2 or path[-1] == "password" else f" = {given:.80}"
-    # The robot's table is of no command's own.
-    command = "status" if service == "robot" else service
+    command = _COMMANDS.get(service, service)
     return f"{where}{value}: {first['msg']}; see `heel {command} --help`"

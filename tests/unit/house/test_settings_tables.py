@@ -33,6 +33,8 @@ from heel.services.drive.settings import DriveServiceSettings
 from heel.services.geometry.calibration_file import Calibration, write_calibration
 from heel.services.geometry.lens import Lens
 from heel.services.geometry.lens_file import LensFile, write_lens
+from heel.services.recorder.files import Limits, RecordingFiles
+from heel.services.recorder.settings import RecorderSettings
 from heel.services.runtime.logs import set_up_logging
 from heel.services.runtime.router import RouterSettings, router_config
 from heel.services.runtime.session import zenoh_config
@@ -53,6 +55,7 @@ from heel.services.web.rate import RateLimiter
 from heel.services.web.server import listen
 from heel.services.web.settings import WebServiceSettings, is_loopback
 from tests.support.processes import REPOSITORY
+from tests.support.recordings import tracks
 
 Look = Callable[[Any], object]
 
@@ -333,6 +336,29 @@ LOG: Table = {
     "format": Changes("text", logged),
     "folder": Changes(Path("logs"), log_files),
 }
+# --- Recorder
+
+
+def written(settings: RecorderSettings) -> object:
+    """The folders that a recording goes to."""
+    files = RecordingFiles(settings.out, Limits(10**6, 60.0, 0), {}, "test")
+    files.add(tracks(0), 0.0)
+    files.close(1.0)
+    return {path.parent.name for path in Path().rglob("*.mcap")}
+
+
+RECORDER: Table = {
+    "delivery": Refused("lossless", "live"),
+    "out": Changes(Path("elsewhere"), written),
+    "frames": ReadBy("recorder/service.py", "match self._context.settings.frames"),
+    "file_mb": ReadBy("recorder/service.py", "s.file_mb * 10**6"),
+    "file_s": ReadBy("recorder/service.py", "s.file_s"),
+    "spare_mb": ReadBy("recorder/service.py", "s.spare_mb * 10**6"),
+    "last_s": ReadBy("recorder/service.py", "Ring(s.last_s + AFTER_S"),
+    "last_mb": ReadBy("recorder/service.py", "s.last_mb * 10**6"),
+}
+
+
 ROBOT: Table = {"stack": ReadBy("commands/observed.py", "set(where.expected)")}
 
 
@@ -342,6 +368,7 @@ TABLES: dict[str, tuple[type[BaseModel], Table]] = {
     "drive": (DriveServiceSettings, DRIVE),
     "web": (WebServiceSettings, WEB),
     "simulator": (SimulatorSettings, SIMULATOR),
+    "recorder": (RecorderSettings, RECORDER),
     "router": (RouterSettings, ROUTER),
     "zenoh": (ZenohSettings, ZENOH),
     "log": (LogSettings, LOG),

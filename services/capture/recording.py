@@ -1,0 +1,186 @@
+"""Frames from a recording of Heel's own: one camera of an MCAP file of `heel record`."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from heel.schemas import CameraInfo, Header, MessageError, decode
+from heel.schemas.errors import SourceError
+from heel.schemas.image import decode_image
+from heel.services.capture.ffmpeg import shown_path
+from heel.services.capture.source import (
+    DEFAULT_FPS,
+    Frame,
+    FrameSource,
+    Warn,
+    log_warning,
+    plausible_fps,
+)
+from heel.services.recordings.reading import Recording, wire_messages
+
+RECORDING_SUFFIX = ".mcap"
+CAMERA_OPTION = "?camera="
+_LOOKED_AT = 20_000
+"""Messages at the beginning in which cameras are looked for: those of a minute. Chosen by hand."""
+_ENOUGH_BYTES = 32 << 20
+"""Of the file, after which no further camera is looked for: a second of raw frames. Chosen by
+hand."""
+_WALL_CLOCK_NS = 946_684_800 * 10**9
+"""The year 2000: wall clocks are past it, and media times, which count from 0, are not."""
+_MAX_WARNINGS = 10
+"""Pictures that cannot be read and are named one by one; chosen by hand."""
+
+
+class RecordingSource(FrameSource):
+    """The frames of one camera, with the numbers that they had.
+
+    Raw frames of a live run of a recording, or of a lossless run, give the same tracks as they did
+    then. Of a camera the times are those at which the pictures were taken.
+
+    Args:
+        path: of the file, which may be cut off at its end.
+        camera: whose frames; None where there is only one.
+        warn: told of every defect.
+
+    Raises:
+        SourceError: it cannot be read, or holds no frames of that camera.
+    """
+
+    def __init__(self, path: Path, camera: str | None = None, warn: Warn = log_warning) -> None:
+        self.name = shown_path(path)
+        self._warn = warn
+        self._recording = Recording(path)
+        cameras, infos = _cameras(self._recording)
+        self._key = _chosen(self.name, cameras, camera)
+        first = cameras[self._key]
+        info = infos.get(first.stream)
+        self.width, self.height = first.width, first.height
+        self.fps = DEFAULT_FPS if info is None else plausible_fps(info.fps, self.name, warn)
+        # Of a folder or scene that was played live, the file has the times of the playing.
+        self._own_timeline = info is not None and info.frame_count is not None
+        self._messages = wire_messages(self._recording)
+        self._epoch: int | None = None
+        self._offset = 0
+        self._offset_s = 0.0
+        self._next, self._next_s = 0, 0.0
+        self._start_ns = 0
+        self._unreadable = 0
+        self._closed = False
+
+    def read(self, timeout_s: float = 5.0) -> Frame | None:
+        """The next frame, None after the last; a file never times out."""
+        for message in self._messages:
+            if self._closed:
+                break
+            if message.key != self._key or not message.encoding.startswith("image/"):
+                continue
+            try:
+                header = decode(Header, message.attachment or b"")
+                image = decode_image(message.payload, header, message.encoding)
+            except MessageError as error:
+                self._skip(str(error))
+                continue
+            return self._frame(header, image)
+        self.end_reason = self.end_reason or self._why_over()
+        return None
+
+    def close(self) -> None:
+        """Stop delivering."""
+        self._closed = True
+        self.end_reason = self.end_reason or "closed"
+        self._messages = iter(())
+
+    def _frame(self, header: Header, image: NDArray[np.uint8]) -> Frame:
+        if header.epoch != self._epoch:
+            # Another start of the camera counts from 0 again; a source goes on counting.
+            if self._epoch is None:
+                self._start_ns = header.t_capture_ns
+            else:
+                self._offset = self._next - header.index
+                self._offset_s = self._next_s - header.t_capture_ns * 1e-9
+            self._epoch = header.epoch
+        index = header.index + self._offset
+        time_s = self._time_s(header, index)
+        self._next, self._next_s = index + 1, time_s + 1.0 / self.fps
+        return Frame(image, index, time_s, header.source_width, header.source_height)
+
+    def _time_s(self, header: Header, index: int) -> float:
+        if header.t_capture_ns < _WALL_CLOCK_NS:
+            return header.t_capture_ns * 1e-9 + self._offset_s
+        if self._own_timeline:
+            return index / self.fps
+        return (header.t_capture_ns - self._start_ns) * 1e-9
+
+    def _skip(self, why: str) -> None:
+        self._unreadable += 1
+        if self._unreadable <= _MAX_WARNINGS:
+            self._warn(f"{self.name}: {why}; skipped")
+
+    def _why_over(self) -> str:
+        parts = ["end of recording"]
+        if not self._recording.complete:
+            parts.append("which is cut off")
+        if self._unreadable:
+            parts.append(f"{self._unreadable} pictures unreadable")
+        return ", ".join(parts)
+
+
+def open_recording(spec: str, warn: Warn = log_warning) -> RecordingSource:
+    """Open `FILE.mcap` or `FILE.mcap?camera=NAME`.
+
+    Raises:
+        SourceError: as `RecordingSource`.
+    """
+    path, _, camera = spec.partition(CAMERA_OPTION)
+    return RecordingSource(Path(path), camera or None, warn)
+
+
+def names_recording(spec: str) -> bool:
+    """Whether a source is a recording of the bus, by its name."""
+    return spec.partition(CAMERA_OPTION)[0].lower().endswith(RECORDING_SUFFIX)
+
+
+def _cameras(recording: Recording) -> tuple[dict[str, Header], dict[str, CameraInfo]]:
+    """The first header of each image topic by its key, and what cameras say, by their name."""
+    headers: dict[str, Header] = {}
+    infos: dict[str, CameraInfo] = {}
+    for message in islice(wire_messages(recording), _LOOKED_AT):
+        with suppress(MessageError):
+            if message.encoding.startswith("image/") and message.key not in headers:
+                headers[message.key] = decode(Header, message.attachment or b"")
+            elif message.encoding == CameraInfo.encoding():
+                info = decode(CameraInfo, message.payload, message.encoding)
+                infos.setdefault(info.stream, info)
+        told = all(one.stream in infos for one in headers.values())
+        if headers and told and recording.whole_bytes > _ENOUGH_BYTES:
+            break
+    return headers, infos
+
+
+def _chosen(name: str, cameras: dict[str, Header], camera: str | None) -> str:
+    """The key whose frames are read: raw ones where a camera has both.
+
+    Raises:
+        SourceError: there is none, or it is not told which.
+    """
+    names = sorted({header.stream for header in cameras.values()})
+    if not names:
+        raise SourceError(
+            f"{name}: no frames in it: record with --frames jpeg or --frames raw while a camera "
+            "runs"
+        )
+    if camera is None and len(names) > 1:
+        raise SourceError(
+            f"{name}: frames of {', '.join(names)} in it: name one, as in "
+            f"{name}{CAMERA_OPTION}{names[0]}"
+        )
+    wanted = names[0] if camera is None else camera
+    keys = [key for key, header in cameras.items() if header.stream == wanted]
+    if not keys:
+        raise SourceError(f"{name}: no frames of camera {wanted!r} in it, but of {names}")
+    return min(keys, key=lambda key: cameras[key].image_encoding != "image/raw;bgr8")

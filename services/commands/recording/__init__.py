@@ -1,0 +1,1 @@
+"""Commands around recordings: making one, checking one, playing one."""

@@ -1,0 +1,1 @@
+"""Recordings of the bus as MCAP files: what a message becomes in one, and how it is read again."""
