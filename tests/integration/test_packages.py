@@ -79,8 +79,18 @@ def test_the_sdist_holds_docs_and_examples_and_no_stray_tests(built: Path) -> No
 def test_every_extra_is_in_all_and_every_hint_names_what_pip_finds_anywhere() -> None:
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    assert extras["all"] == ["heel-follow[eval,metrics,neural,record,sim]"]
-    assert set(extras) == {"eval", "metrics", "neural", "record", "sim", "all", "dev", "docs"}
+    assert extras["all"] == ["heel-follow[eval,metrics,neural,record,secure,sim]"]
+    assert set(extras) == {
+        "eval",
+        "metrics",
+        "neural",
+        "record",
+        "secure",
+        "sim",
+        "all",
+        "dev",
+        "docs",
+    }
     own = set(extras) - {"all", "dev", "docs"}
     offered = {line.split(">")[0] for name in own for line in extras[name]}
     texts = [path.read_text() for name in PACKAGES for path in (REPOSITORY / name).rglob("*.py")]
@@ -88,7 +98,8 @@ def test_every_extra_is_in_all_and_every_hint_names_what_pip_finds_anywhere() ->
     texts.append((REPOSITORY / "README.md").read_text())
     assert not any("pip install 'heel-follow" in text for text in texts), "it is on no index"
     assert offered == {
-        "matplotlib", "mcap", "onnx", "onnxruntime", "panda3d", "prometheus-client",
+        "cryptography", "matplotlib", "mcap", "onnx", "onnxruntime", "panda3d",
+        "prometheus-client", "segno",
     }  # fmt: skip
     for package in offered:
         assert any(

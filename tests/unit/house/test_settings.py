@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 152
+MOST = 157
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,
