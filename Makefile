@@ -15,7 +15,7 @@ define CHECK_PYTHON
 	|| { echo "Heel needs Python 3.11 or newer: make PYTHON=/path/to/python3.11 ..."; exit 1; }
 endef
 
-.PHONY: help demo test check lint layers types docs test-docker test-slow mutants same same-short bench results peers clean
+.PHONY: help demo test check lint layers types docs test-docker test-ros2 test-slow mutants same same-short bench results peers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
@@ -42,6 +42,12 @@ test: $(READY)  ## unit and integration tests
 
 test-docker: $(READY)  ## the same services in containers
 	$(BIN)/python -m pytest -m docker
+
+test-ros2: pyproject.toml constraints.txt  ## the bridge beside a real rclpy robot, in an environment of its own
+	$(CHECK_PYTHON)
+	$(PYTHON) -m venv .venv-ros2
+	.venv-ros2/bin/python -m pip install --quiet -c constraints.txt --editable '.[ros2]' pytest pytest-timeout hypothesis
+	.venv-ros2/bin/python -m pytest tests/ros2 -p no:cacheprovider
 
 test-slow: $(READY)  ## what takes minutes
 	$(BIN)/python -m pytest -m slow

@@ -20,6 +20,7 @@ from heel.services.detector.settings import DetectorServiceSettings
 from heel.services.drive.settings import DriveServiceSettings
 from heel.services.follower.settings import FollowerServiceSettings
 from heel.services.recorder.settings import RecorderSettings
+from heel.services.ros2.settings import Ros2Settings
 from heel.services.runtime.command_line import later, run_process, settings_command
 from heel.services.runtime.process import software_version
 from heel.services.runtime.router import RouterSettings
@@ -35,6 +36,7 @@ _SERVICES = (
     ("follower", FollowerServiceSettings, "Turn the chosen person into motion commands."),
     ("drive", DriveServiceSettings, "Turn motion commands into wheels; stop when they stop."),
     ("simulator", SimulatorSettings, "Simulate a world with people and a robot in it."),
+    ("ros2", Ros2Settings, "Bridge a robot's ROS 2 topics to Heel."),
     ("web", WebServiceSettings, "Serve the live picture and control page."),
 )
 

@@ -26,7 +26,6 @@ from heel.schemas import (
     Tracks,
 )
 from heel.services.capture.describe import Mounting, mounting
-from heel.services.capture.pixels import fit_to_cap
 from heel.services.capture.scene_source import open_scene
 from heel.services.capture.settings import CaptureSettings
 from heel.services.capture.sources import open_source
@@ -34,6 +33,7 @@ from heel.services.detector.core import Detector
 from heel.services.detector.settings import DetectorServiceSettings, DetectorSettings
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerServiceSettings, FollowerSettings
+from heel.services.geometry.pixels import fit_to_cap
 from heel.services.networks.names import HeadName
 from heel.services.runtime.settings import Loaded, load_settings
 from heel.services.tracker.core import configured

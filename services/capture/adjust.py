@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from heel.schemas.errors import SourceError
-from heel.services.capture.pixels import scaled_size, shrink
 from heel.services.capture.source import MAX_FPS, Frame, FrameSource, SourceStatus
+from heel.services.geometry.pixels import scaled_size, shrink
 
 
 class AdjustedSource(FrameSource):

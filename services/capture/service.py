@@ -23,11 +23,11 @@ from heel.schemas.image import MAX_IMAGE_BYTES
 from heel.services.capture.credit import CreditWindow
 from heel.services.capture.describe import mounting
 from heel.services.capture.pan_topics import LISTEN_S, PanTopics
-from heel.services.capture.pixels import fit_to_cap
 from heel.services.capture.settings import CaptureSettings
 from heel.services.capture.source import Frame, FrameSource, SourceTimeout
 from heel.services.capture.sources import open_source
 from heel.services.capture.video_device import VideoDeviceFormat
+from heel.services.geometry.pixels import fit_to_cap
 from heel.services.runtime import qos
 from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.frame_memory import FrameMemory

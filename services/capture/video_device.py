@@ -13,8 +13,8 @@ import cv2
 from heel.schemas.errors import SourceError
 from heel.services.capture.arrivals import CountedArrivals
 from heel.services.capture.device import Picture
-from heel.services.capture.pixels import to_bgr8
 from heel.services.capture.source import Warn, log_warning
+from heel.services.geometry.pixels import to_bgr8
 from heel.services.runtime.quiet import silence_decoders
 
 _PLAUSIBLE_S = 60.0

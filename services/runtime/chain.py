@@ -20,7 +20,7 @@ CAMERA, PERCEPTION, MISSING, WITHHELD = "camera", "perception", "missing", "with
 """Details of a service's health: the camera that it works for; what stands in for the detector;
 which parts of the chain it has seen going; why people that may be in sight are not shown."""
 _PER_CAMERA = ("capture", "detector", "tracker")
-_ONE_AT_A_TIME = (*CHAIN, "simulator")
+_ONE_AT_A_TIME = (*CHAIN, "simulator", "ros2")
 _KNOWN = (*_ONE_AT_A_TIME, "web", "recorder")
 _MOST_OF_A_KIND = 4
 """Parts of one known kind that are remembered; chosen by hand, a robot has one or two."""
@@ -264,13 +264,15 @@ def _place(service: str) -> int:
 
 
 def _stood_in_for(parts: Iterable[Part]) -> set[str]:
-    """What others do in place of the chain's own: a simulator, or another sender that is heard."""
+    """What others do in place of the chain's own: simulator, ROS, another sender that is heard."""
     stands_in: set[str] = set()
     for part in parts:
         service, age_s = part.health.service, part.health.input_age_s
         if part.health.state == "ended":
             continue
-        if service == "simulator":
+        if service == "ros2":
+            stands_in.add("capture")
+        elif service == "simulator":
             stands_in.add("capture")
             if part.health.details.get(PERCEPTION) == "simulated-boxes":
                 stands_in.add("detector")

@@ -48,7 +48,8 @@ from heel.schemas.errors import SettingsError
 from heel.services.runtime.passwords import without_passwords
 
 SERVICES = (
-    "capture", "detector", "tracker", "follower", "drive", "web", "recorder", "simulator", "router",
+    "capture", "detector", "tracker", "follower", "drive", "web", "recorder", "simulator", "ros2",
+    "router",
 )  # fmt: skip
 SECTIONS = (*SERVICES, "robot", "zenoh", "log")
 ENVIRONMENT_PREFIX = "HEEL_"

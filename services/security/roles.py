@@ -92,6 +92,12 @@ ROLES: dict[str, Access] = {
         hears=(keys.ROBOT_DRIVE, _PROGRESS),
         answers=(_INFO, _WORLD),
     ),
+    "ros2": Access(
+        "be camera, odometry, ranges and wheels of a robot that speaks ROS 2",
+        sends=(*_PICTURES, keys.ROBOT_ODOMETRY, keys.ROBOT_RANGE, keys.FOLLOW_ESTOP),
+        hears=(keys.ROBOT_DRIVE, keys.FOLLOW_STATE, _PROGRESS),
+        answers=(_INFO, keys.FOLLOW_ESTOP),
+    ),
     "web": Access(
         "serve the page: show everything, choose, stop and release for its users",
         sends=(keys.FOLLOW_ESTOP, _PROGRESS),

@@ -33,13 +33,13 @@ from heel.schemas import (
     Tracks,
 )
 from heel.services.capture.describe import mounting
-from heel.services.capture.pixels import fit_to_cap, to_bgr8
 from heel.services.capture.settings import CaptureSettings
 from heel.services.capture.source import FrameSource
 from heel.services.capture.sources import open_source
 from heel.services.capture.virtual_pan import PAN_PREFIX
 from heel.services.detector.settings import DetectorSettings, with_network
 from heel.services.follower.settings import FollowerSettings
+from heel.services.geometry.pixels import fit_to_cap, to_bgr8
 from heel.services.pipeline import FollowingPipeline, InProcessPipeline, repeatable_id
 from heel.services.tracker.settings import TrackerSettings
 

@@ -185,6 +185,10 @@ IN_CI = {"make demo", "make test", "make docs", "make lint", "make layers", "mak
 """Steps of `.ci/run`."""
 
 NOT_RUN = {
+    "pip install 'heel-follow[ros2]'": "100 packages; make test-ros2 installs them",
+    "heel ros2 --check": "needs a robot's ROS; tests/ros2 runs the bridge beside one",
+    "heel ros2 --image-topic camera/image_raw --command-topic cmd_vel --horizontal-fov-deg 69":
+        "needs a robot's ROS; tests/ros2 runs the bridge beside one",
     "make check": "its parts are steps of .ci/run",
     ". .venv/bin/activate": "the tests' own environment is active",
     "heel models get yolox-nano":

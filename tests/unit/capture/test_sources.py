@@ -9,9 +9,9 @@ import pytest
 
 from heel.schemas.errors import SourceError
 from heel.services.capture.adjust import AdjustedSource
-from heel.services.capture.pixels import to_bgr8
 from heel.services.capture.scene_source import SceneSource
 from heel.services.capture.sources import open_source
+from heel.services.geometry.pixels import to_bgr8
 from tests.unit.capture.videos import index_of, write_folder, write_video
 
 

@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 157
+MOST = 175
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,

@@ -1,0 +1,210 @@
+"""A real rclpy robot in this process, Heel's bridge and drive in others: `make test-ros2`.
+
+Needs rclpy, in an environment of its own; the conversions alone are tested without.
+"""
+
+from __future__ import annotations
+
+import array
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+import zenoh
+
+from heel.schemas import CameraInfo, EStop, Header, Odometry, Ranges, decode, keys
+from heel.schemas.image import decode_image
+from tests.support import network
+from tests.support.driving import drive_process
+from tests.support.network import wait_until
+from tests.support.processes import Running, running
+
+rclpy = pytest.importorskip("rclpy", reason="no ROS 2 here: make test-ros2 brings it")
+DOMAIN = str(1 + os.getpid() % 99)
+os.environ.update(ROS_DOMAIN_ID=DOMAIN, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
+# ROS's own modules have some.
+pytestmark = pytest.mark.filterwarnings("default::DeprecationWarning")
+PERIOD_S = 0.02
+"""Of the drive."""
+
+
+@dataclass
+class Base:
+    """The robot's side: publishes sensors, hears velocities."""
+
+    node: Any
+    heard: list[tuple[float, float, float]] = field(default_factory=list)
+    """Monotonic time, m/s and rad/s."""
+
+    @property
+    def speed(self) -> float | None:
+        """The newest velocity ahead."""
+        return self.heard[-1][1] if self.heard else None
+
+
+@pytest.fixture(scope="module")
+def base() -> Iterator[Base]:
+    from geometry_msgs.msg import Twist
+    from rclpy.executors import SingleThreadedExecutor
+
+    rclpy.init(args=[])
+    node = rclpy.create_node("robot")
+    robot, over = Base(node), threading.Event()
+
+    def hear(message: Any) -> None:
+        robot.heard.append((time.monotonic(), message.linear.x, message.angular.z))
+
+    node.create_subscription(Twist, "cmd_vel", hear, 50)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def spin() -> None:
+        while not over.is_set():
+            executor.spin_once(timeout_sec=0.02)
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    yield robot
+    over.set()
+    thread.join(5)
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[str]:
+    with network.router() as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def session(endpoint: str) -> Iterator[zenoh.Session]:
+    with network.client(endpoint) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def bridge(endpoint: str) -> Iterator[Running]:
+    command = ("-P", "-m", "heel.services.ros2", "--connect", endpoint, "--estop-topic", "estop",
+               "--log-level", "info")  # fmt: skip
+    with running(
+        *command, ROS_DOMAIN_ID=DOMAIN, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST"
+    ) as process:
+        wait_until(lambda: "is up" in process.stderr(), "the bridge", 30.0)
+        yield process
+
+
+def sensors(base: Base) -> dict[str, Any]:
+    from nav_msgs.msg import Odometry as RosOdometry
+    from sensor_msgs.msg import CameraInfo as RosInfo
+    from sensor_msgs.msg import Image, LaserScan
+    from std_msgs.msg import Bool
+
+    qos = rclpy.qos.qos_profile_sensor_data
+    kinds = {"camera/image_raw": Image, "camera/camera_info": RosInfo, "scan": LaserScan,
+             "odom": RosOdometry, "estop": Bool}  # fmt: skip
+    return {topic: base.node.create_publisher(kind, topic, qos) for topic, kind in kinds.items()}
+
+
+def test_camera_scan_and_odometry_arrive(base: Base, bridge: Running, session: Any) -> None:
+    from nav_msgs.msg import Odometry as RosOdometry
+    from sensor_msgs.msg import CameraInfo as RosInfo
+    from sensor_msgs.msg import Image, LaserScan
+
+    publishers = sensors(base)
+    pixels = np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8)
+    image = Image(height=48, width=64, encoding="rgb8", step=192)
+    image.data = array.array("B", pixels.tobytes())
+    info = RosInfo(width=64, height=48, distortion_model="plumb_bob", d=[-0.1, 0.01, 0.0, 0.0, 0.0])
+    info.k = [50.0, 0.0, 32.0, 0.0, 50.0, 24.0, 0.0, 0.0, 1.0]
+    scan = LaserScan(angle_min=-1.0, angle_increment=0.5, range_min=0.1, range_max=9.0)
+    scan.ranges = [1.0, 2.0, 3.0, 4.0, 5.0]
+    odometry = RosOdometry()
+    odometry.pose.pose.orientation.w = 1.0
+    with ExitStack() as stack:
+        images, scans, places, infos = (
+            stack.enter_context(network.collected(session, key))
+            for key in (keys.image("front"), keys.ROBOT_RANGE, keys.ROBOT_ODOMETRY,
+                        keys.info("front"))
+        )  # fmt: skip
+
+        def arrived() -> bool:
+            publishers["camera/camera_info"].publish(info)
+            image.header.stamp = base.node.get_clock().now().to_msg()
+            publishers["camera/image_raw"].publish(image)
+            publishers["scan"].publish(scan)
+            publishers["odom"].publish(odometry)
+            time.sleep(0.05)
+            return all(queue.qsize() > 2 for queue in (images, scans, places)) and infos.qsize() > 0
+
+        wait_until(arrived, "camera, scan and odometry", 20.0)
+        sample, ranges, place = images.get(), scans.get(), places.get()
+        told = None
+        while infos.qsize():
+            told = decode(CameraInfo, infos.get().payload.to_bytes())
+    header = decode(Header, sample.attachment.to_bytes())
+    assert (
+        decode_image(sample.payload.to_bytes(), header, str(sample.encoding)) == pixels[..., ::-1]
+    ).all()
+    assert 0 <= header.age_ns < 2_000_000_000
+    sectors = decode(Ranges, ranges.payload.to_bytes()).sectors
+    assert [sector.distance_m for sector in sectors] == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert decode(Odometry, place.payload.to_bytes()).x_m == 0.0
+    assert told is not None
+    assert told.lens is not None
+    assert told.lens.focal_px == (50.0, 50.0)
+
+
+def test_velocities_come_at_the_drives_rate_and_are_zero_once_it_is_killed(
+    base: Base, bridge: Running, endpoint: str, session: Any
+) -> None:
+    with drive_process(endpoint, session) as drive, drive.commanded():
+        wait_until(lambda: (base.speed or 0.0) > 0.0, "a velocity", 20.0)
+        base.heard.clear()
+        time.sleep(1.0)
+        steps = np.diff([t_s for t_s, _, _ in base.heard])
+        assert np.median(steps) == pytest.approx(PERIOD_S, abs=PERIOD_S)
+        drive.process.process.send_signal(signal.SIGKILL)
+        killed_s = time.monotonic()
+        wait_until(lambda: base.speed == 0.0, "zero", 5.0)
+        zero_s = next(t for t, linear, _ in base.heard if t > killed_s and linear == 0.0)
+        assert zero_s - killed_s < 1.0
+        time.sleep(0.3)
+        assert all(linear == 0.0 for t, linear, _ in base.heard if t >= zero_s)
+
+
+def test_the_robots_stop_button_engages_the_emergency_stop(
+    base: Base, bridge: Running, session: Any
+) -> None:
+    from std_msgs.msg import Bool
+
+    publisher = sensors(base)["estop"]
+    with network.collected(session, keys.FOLLOW_ESTOP) as stops:
+
+        def stopped() -> bool:
+            publisher.publish(Bool(data=True))
+            time.sleep(0.05)
+            return stops.qsize() > 0
+
+        wait_until(stopped, "the stop", 10.0)
+        told = decode(EStop, stops.get().payload.to_bytes())
+    assert told.engaged
+    assert "estop" in told.source
+
+
+def test_the_last_velocities_of_a_bridge_that_ends_are_zero(
+    base: Base, bridge: Running, endpoint: str, session: Any
+) -> None:
+    """Last of all: it ends the bridge."""
+    base.heard.clear()
+    code, _ = bridge.stop(signal.SIGTERM, 10.0)
+    assert code == 0
+    wait_until(lambda: len(base.heard) > 0, "the last velocities", 5.0)
+    assert base.speed == 0.0
