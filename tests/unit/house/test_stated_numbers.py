@@ -71,7 +71,7 @@ def test_the_layers_of_the_page_are_those_of_the_contract() -> None:
 
 def test_every_folder_of_the_map_of_rooms_is_there_and_none_is_missing() -> None:
     page = (REPOSITORY / _ARCHITECTURE).read_text(encoding="utf-8").partition("## Layers")[0]
-    named = set(re.findall(r"^    services/([a-z]+)/", page, re.MULTILINE))
+    named = set(re.findall(r"^    services/([a-z0-9]+)/", page, re.MULTILINE))
     rooms = {path.name for path in (REPOSITORY / "services").iterdir()
              if path.is_dir() and (path / "__init__.py").exists()}  # fmt: skip
     assert named <= rooms

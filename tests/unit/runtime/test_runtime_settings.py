@@ -137,7 +137,7 @@ def test_the_example_of_the_module_is_taken(
     assert getattr(load_settings("tracker", TrackerServiceSettings, {}, file).service, key) == 3
 
 
-@pytest.mark.parametrize("table", ["recorder", "run"])
+@pytest.mark.parametrize("table", ["replay", "run"])
 def test_a_table_that_no_service_reads_is_refused(
     table: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -260,7 +260,7 @@ def test_a_user_has_one_password(given: dict[str, object]) -> None:
     [
         ("[web]\nprot = 8000\n", r"web\.prot: unknown key; did you mean 'port'"),
         ("[drive]\nmax_linear = 1\n", r"drive\.max_linear: unknown key"),
-        ("[recorder]\nfoo = 1\n", r"\[recorder\] is not a table of Heel's"),
+        ("[replay]\nfoo = 1\n", r"\[replay\] is not a table of Heel's"),
     ],
 )
 def test_unknown_keys_are_refused_in_the_tables_of_other_services_too(
