@@ -3,7 +3,8 @@
 The whole stack runs as real processes and follows a drawn person, as in `benchmarks.time_to_stop`.
 A client without a password then sends messages made from the stack's own: most of them spoilt (they
 must be refused), some well formed under other producers' names, and a few under the true names with
-a sequence number that no producer reaches. Counted is what must not happen: a service that ends,
+a sequence number that no producer reaches; and it asks every queryable what nobody asks. Counted is
+what must not happen: a service that ends,
 a stream that is silent, memory that grows, a robot that stops following.
 """
 
@@ -24,10 +25,12 @@ from typing import Annotated
 import msgpack
 import typer
 import zenoh
+from zenoh.handlers import RingChannel
 
+from benchmarks.common import wait_for
 from benchmarks.hostile.mutations import CAMERA, TOPICS, Kind, Mutations, Wire
 from benchmarks.stopping.rig import Rig
-from heel.schemas import HeelError, keys
+from heel.schemas import keys
 from heel.services.runtime.process import memory_mb
 
 WATCHED = {"tracks": keys.tracks(CAMERA), "commands": keys.FOLLOW_COMMAND,
@@ -36,6 +39,12 @@ LONGEST_SILENCE_S = 1.0
 MOST_GROWTH_MB = 150.0
 """Of a service, once 10 % of the messages have gone by; chosen by hand: its rings and glibc's
 arenas fill up once, a leak of one kB a message would be 900 MB."""
+MOST_LINES_S = 1.05
+"""Once a second is what a service says of one kind of trouble."""
+_KINDS = ("refused", "two producers", "an end that")
+_QUESTION_EVERY = 20
+_ANSWER_S = 0.5
+_TRACKS_S = 60.0
 _LEARN_S, _CALM_S = 6.0, 10.0
 _MOST_RECORDED = 60
 _REASONS_SHOWN = 8
@@ -62,6 +71,8 @@ class Outcome:
     target_kept: bool
     growth_mb: dict[str, float]
     log_kb: float
+    lines_s: dict[str, float]
+    """Of each service, of the kind of line that it wrote most often, a second."""
 
     def faults(self) -> list[str]:
         """What must not have happened and did."""
@@ -70,6 +81,8 @@ class Outcome:
                   if s > LONGEST_SILENCE_S]  # fmt: skip
         found += [f"{name} grew by {mb:.0f} MB" for name, mb in self.growth_mb.items()
                   if mb > MOST_GROWTH_MB]  # fmt: skip
+        found += [f"{name} wrote {rate:.1f} lines a second of one kind"
+                  for name, rate in self.lines_s.items() if rate > MOST_LINES_S]  # fmt: skip
         if not self.target_kept:
             found.append("another target")
         return found
@@ -121,7 +134,9 @@ class Onlooker:
                 self.reasons[str(message.get("reason"))] += 1
 
 
-def attack(rig: Rig, count: int, rate_hz: float, seed: int, calm_s: float = _CALM_S) -> Outcome:
+def attack(
+    rig: Rig, count: int, rate_hz: float, seed: int, calm_s: float = _CALM_S, driving: bool = True
+) -> Outcome:
     """Send `count` hostile messages to a stack that follows somebody.
 
     Args:
@@ -130,8 +145,10 @@ def attack(rig: Rig, count: int, rate_hz: float, seed: int, calm_s: float = _CAL
         rate_hz: at most so many a second.
         seed: of what is sent.
         calm_s: for so long following is judged before and after.
+        driving: whether to wait until the robot drives.
     """
-    rig.await_driving()
+    if driving:
+        rig.await_driving()
     onlooker = Onlooker(rig.session)
     recorded = _recorded(rig.session)
     onlooker.settle()
@@ -140,6 +157,7 @@ def attack(rig: Rig, count: int, rate_hz: float, seed: int, calm_s: float = _CAL
     target_before = _target(rig.session)
     mutations = Mutations(recorded, seed)
     onlooker.settle()
+    logged = {name: len(text) for name, text in rig.logs().items()}
     started_s = time.monotonic()
     memory: dict[str, float] = {}
     with _client(rig) as client:
@@ -158,6 +176,13 @@ def attack(rig: Rig, count: int, rate_hz: float, seed: int, calm_s: float = _CAL
         target_kept=_target(rig.session) == target_before,
         growth_mb={name: mb - memory.get(name, mb) for name, mb in _memory_mb(rig).items()},
         log_kb=rig.log_bytes() / 1e3,
+        lines_s={
+            f"{name}: {kind}": rate
+            for name, text in rig.logs().items()
+            for kind, rate in Counter(
+                lines_a_kind(text[logged.get(name, 0) :], seconds + calm_s)
+            ).most_common(1)
+        },
     )  # fmt: skip
 
 
@@ -178,9 +203,35 @@ def _sending(
             ),
             priority=_PRIORITIES[sent % len(_PRIORITIES)],
         )  # fmt: skip
+        if sent % _QUESTION_EVERY == 0:
+            _ask(client, mutations.question())
         if sent % _BURST == 0:
             time.sleep(max(0.0, started_s + sent / rate_hz - time.monotonic()))
             yield sent
+
+
+def _ask(client: zenoh.Session, question: Wire) -> None:
+    """Ask, and read nothing of the answer."""
+    client.get(
+        question.key, RingChannel(1), payload=question.payload, encoding=question.encoding,
+        attachment=question.attachment, timeout=_ANSWER_S, target=zenoh.QueryTarget.ALL,
+        congestion_control=zenoh.CongestionControl.DROP,
+    )  # fmt: skip
+
+
+def lines_a_kind(log: str, seconds: float) -> dict[str, float]:
+    """Lines a second of each kind of warning: what it is about, and of several what it says."""
+    counts: Counter[str] = Counter()
+    for line in log.splitlines():
+        try:
+            record = json.loads(line)
+        except ValueError:
+            counts["not a line of the log"] += 1
+            continue
+        about, _, said = str(record.get("message")).partition(": ")
+        kind = next((word for word in _KINDS if said.startswith(word)), "")
+        counts[f"{about} {kind}".strip()[:80]] += 1
+    return {kind: count / seconds for kind, count in counts.items()}
 
 
 def _recorded(session: zenoh.Session) -> dict[str, list[Wire]]:
@@ -194,10 +245,9 @@ def _recorded(session: zenoh.Session) -> dict[str, list[Wire]]:
             heard[key].append(Wire(key, payload, str(sample.encoding), attachment))
 
     subscriber = session.declare_subscriber("**", keep)
+    wait_for(lambda: keys.tracks(CAMERA) in heard, _TRACKS_S, "no tracks on the bus")
     time.sleep(_LEARN_S)
     subscriber.undeclare()  # type: ignore[no-untyped-call]
-    if keys.tracks(CAMERA) not in heard:
-        raise HeelError("no tracks on the bus: is the machine very busy?")
     return dict(heard)
 
 
@@ -228,6 +278,9 @@ def main(
     count: Annotated[int, typer.Option(help="messages to send", min=1000)] = 1_000_000,
     rate_hz: Annotated[float, typer.Option(help="messages a second at most", min=10)] = 2000.0,
     seed: Annotated[int, typer.Option(help="of what is sent")] = 1,
+    driving: Annotated[
+        bool, typer.Option(help="wait until the robot drives; a busy machine is too late to follow")
+    ] = True,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="write the figures", metavar="FILE")
     ] = None,
@@ -235,7 +288,7 @@ def main(
     """Print what became of a stack under a flood of hostile messages; exit code 1 for a fault."""
     with tempfile.TemporaryDirectory(prefix="heel-") as folder, Rig(Path(folder)) as rig:
         rig.start_viewer()
-        outcome = attack(rig, count, rate_hz, seed)
+        outcome = attack(rig, count, rate_hz, seed, driving=driving)
     for name, value in asdict(outcome).items():
         shown = {key: round(one, 2) for key, one in value.items()} if isinstance(value, dict) else (
             round(value, 3) if isinstance(value, float) else value)  # fmt: skip

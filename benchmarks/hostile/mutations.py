@@ -28,8 +28,13 @@ from heel.schemas import (
     Pointed,
     Progress,
     Ranges,
+    SimTruth,
+    SimWorld,
     Stamp,
+    Taken,
     Target,
+    TargetRequest,
+    TrackEvent,
     Tracks,
     decode,
     keys,
@@ -37,12 +42,16 @@ from heel.schemas import (
 from heel.schemas.image import decode_image
 
 CAMERA = "front"
+SERVICES = ("capture", "detector", "tracker", "follower", "drive", "web")
 Kind = Literal["junk", "rival", "leap"]
 TOPICS: dict[str, type[Message] | None] = {
     keys.image(CAMERA): None,
+    keys.jpeg(CAMERA): None,
+    keys.taken(CAMERA): Taken,
     keys.info(CAMERA): CameraInfo,
     keys.blobs(CAMERA): Blobs,
     keys.tracks(CAMERA): Tracks,
+    keys.events(CAMERA): TrackEvent,
     keys.progress(CAMERA, "run"): Progress,
     keys.FOLLOW_COMMAND: MotionCommand,
     keys.FOLLOW_STATE: FollowState,
@@ -51,12 +60,22 @@ TOPICS: dict[str, type[Message] | None] = {
     keys.ROBOT_ODOMETRY: Odometry,
     keys.ROBOT_RANGE: Ranges,
     keys.ROBOT_DRIVE: DriveState,
-    keys.health("detector", "main"): Health,
+    keys.SIM_TRUTH: SimTruth,
+    keys.SIM_WORLD: SimWorld,
+    **{keys.health(service, "main"): Health for service in SERVICES},
     keys.health("nobody", "here"): Health,
 }
+QUERYABLES = (
+    keys.info(CAMERA), keys.FOLLOW_STATE, keys.FOLLOW_TARGET, keys.FOLLOW_ESTOP, keys.SIM_WORLD,
+    keys.ROUTER_VERSION, *(keys.config(service, "main") for service in SERVICES),
+    keys.ALL_CONFIG, "**",
+)  # fmt: skip
+"""What is asked, with what nobody asks."""
 STAMPED = {keys.blobs(CAMERA), keys.tracks(CAMERA), keys.FOLLOW_COMMAND}
 """Streams of a producer that the receivers stay with: under another name comes a rival's."""
 _GREATEST = 2**63 - 1
+_MOST_QUESTION_BYTES = 100_000
+"""Of a query; beyond 64 kB a router drops it."""
 _VALUES: tuple[Any, ...] = (
     None, True, False, "1", "", b"x", -1, 2**63, 2**64 - 1, -(2**63), float("nan"), float("inf"),
     float("-inf"), 1e308, -1e308, 1.5, [], {}, [[]], {"a": 1}, "x" * 5000, bytes(5000), [0] * 2000,
@@ -111,6 +130,16 @@ class Mutations:
             made = self._junk()
             if not readable(made):
                 return made
+
+    def question(self) -> Wire:
+        """A query with a payload that nobody reads as a request, or with none."""
+        key = self._random.choice(QUERYABLES)
+        while True:
+            wire = self._junk()
+            try:
+                decode(TargetRequest, wire.payload)
+            except MessageError:
+                return replace(wire, key=key, payload=wire.payload[:_MOST_QUESTION_BYTES])
 
     def _from(self, key: str) -> Wire:
         known = self._recorded.get(key) or self._random.choice(

@@ -267,6 +267,10 @@ class Rig:
         """Processes that are not there any more."""
         return [name for name, process in self._processes.items() if process.poll() is not None]
 
+    def logs(self) -> dict[str, str]:
+        """What each process has written so far, by its name."""
+        return {log.stem: log.read_text(errors="replace") for log in self._folder.glob("*.log")}
+
     def log_bytes(self) -> int:
         """What all processes have written so far."""
         return sum(log.stat().st_size for log in self._folder.glob("*.log"))

@@ -19,6 +19,7 @@ from heel.services.drive.settings import DriveServiceSettings
 from heel.services.drive.wheels import DriverError, Wheels
 from heel.services.runtime import qos
 from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.logs import StateLog
 from heel.services.runtime.service import ServiceContext, end_within, run_service
 from heel.services.runtime.settings import Loaded
 from heel.services.runtime.stop_keeper import StopKeeper
@@ -42,7 +43,7 @@ class DriveService:
         self._commands = context.subscribe("command", keys.FOLLOW_COMMAND, qos.COMMAND)
         self._drive = Drive(context.settings, self._commands.gate)
         self._newest: Received[MotionCommand] | None = None
-        self._told = ("", "")
+        self._state_log = StateLog(context.log)
         self._ended_s: float | None = None
         self._odometry_seq = 0
         self._out = context.publisher(keys.ROBOT_DRIVE, qos.DRIVE)
@@ -129,9 +130,7 @@ class DriveService:
         age_s = 0.0 if self._newest is None else self._newest.age_s(now_s)
         self._out.send(state, age_s)
         self._context.statistics.output(now_s, busy_s, age_s)
-        if (state.state, state.reason) != self._told:
-            self._told = state.state, state.reason
-            self._context.log.info("%s: %s", *self._told)
+        self._state_log.tell(f"{state.state}: {state.reason}", now_s)
 
     def _publish_odometry(self, reading: OdometryReading) -> None:
         try:

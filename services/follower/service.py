@@ -44,6 +44,7 @@ from heel.services.runtime import places, qos
 from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.inbox import Arrival
 from heel.services.runtime.latched import LatchedQuery, latched_values
+from heel.services.runtime.logs import StateLog
 from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
@@ -78,6 +79,7 @@ class FollowerService:
         )
         self._newest: Received[Tracks] | None = None
         self._told: tuple[object, ...] = ()
+        self._state_log = StateLog(context.log)
         self._told_s = -math.inf
         camera, session = context.settings.camera, context.session
         self._tracks = context.subscribe("tracks", keys.tracks(camera), qos.TRACKS)
@@ -240,6 +242,8 @@ class FollowerService:
 
     def _tell(self, state: FollowState, now_s: float) -> None:
         """Publish the state when it changes and now and then between; log changes only."""
+        target = state.target.track_id or state.target.mode
+        self._state_log.tell(f"{state.state}: {state.reason} (target {target})", now_s)
         news = (state.state, state.reason, state.target, state.estop)
         if news == self._told:
             if self._live and now_s - self._told_s >= _STATE_PERIOD_S:
@@ -251,8 +255,6 @@ class FollowerService:
             self._keep_target()
         self._told, self._told_s = news, now_s
         self._state.set(state)
-        self._context.log.info("%s: %s (target %s)", state.state, state.reason,
-                               state.target.track_id or state.target.mode)  # fmt: skip
 
     def _drain(self, *topics: str) -> None:
         while (arrival := self._context.inbox.get(0, *topics)) is not None:

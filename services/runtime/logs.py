@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import sys
 import time
 from logging.handlers import RotatingFileHandler
@@ -200,3 +201,31 @@ class OncePerSecond:
         held_back = self._held_back.pop(kind, 0)
         self._last_s[kind] = now_s
         self._log.warning(message + (f" ({held_back} more like it)" if held_back else ""))
+
+
+class StateLog:
+    """Logs the state of a service whenever it changes; one that flickers, once a second."""
+
+    def __init__(self, log: logging.Logger, burst: int = 5, period_s: float = 1.0) -> None:
+        """Nothing was told yet.
+
+        Args:
+            log: of the service.
+            burst: changes that are logged at once, however quickly they follow one another.
+            period_s: after so long there is room for one more.
+        """
+        self._log = log
+        self._burst, self._period_s = burst, period_s
+        self._told = ""
+        self._room, self._last_s = float(burst), -math.inf
+
+    def tell(self, words: str, now_s: float) -> None:
+        """Call with the present state, again and again: what lasts is logged in the end."""
+        if words == self._told:
+            return
+        self._room = min(self._burst, self._room + (now_s - self._last_s) / self._period_s)
+        self._last_s = now_s
+        if self._room >= 1.0:
+            self._room -= 1.0
+            self._told = words
+            self._log.info("%s", words)

@@ -10,6 +10,7 @@ import zenoh
 
 from heel.schemas import MessageError, Stamp, decode
 from heel.services.runtime.counters import ServiceStatistics
+from heel.services.runtime.logs import OncePerSecond
 
 _LOOK_S = 0.2
 """However many messages another one sends, one in so long is looked at."""
@@ -34,7 +35,7 @@ class TwinWatch:
         log: logging.Logger, resources: ExitStack,
     ) -> None:  # fmt: skip
         self._key, self._producer = key, producer
-        self._statistics, self._log = statistics, log
+        self._statistics, self._warn = statistics, OncePerSecond(log)
         self._looked_s = 0.0
         subscriber = session.declare_subscriber(
             key, self._hear, allowed_origin=zenoh.Locality.REMOTE
@@ -56,4 +57,4 @@ class TwinWatch:
         service = self._producer.partition("/")[0]
         reason = f"two on {self._key}: {self._producer} and {other}: stop one {service}"
         if self._statistics.problem(f"twin-{self._key}", reason, now_s + _LASTS_S):
-            self._log.warning("%s", reason)
+            self._warn.warning(self._key, reason, now_s)
