@@ -11,6 +11,7 @@ from heel.services.commands.doctor.command import doctor
 from heel.services.commands.eval import score
 from heel.services.commands.follow import follow
 from heel.services.commands.models import app as models
+from heel.services.commands.recording.replay import replay
 from heel.services.commands.run import run
 from heel.services.commands.scenarios import scenarios
 from heel.services.commands.schema import schema
@@ -40,7 +41,7 @@ def register_tools(app: typer.Typer) -> None:
     for command in (status, follow, stop, resume):
         app.command(rich_help_panel=_ROBOT)(command)
     app.add_typer(security, name="security", rich_help_panel=_ROBOT)
-    for command in (doctor, top, topics, hz, bw, echo):
+    for command in (doctor, top, topics, hz, bw, echo, replay):
         app.command(rich_help_panel=_LOOK)(command)
     app.command(rich_help_panel=_LOOK)(why)
     app.command("eval", rich_help_panel=_MEASURE)(score)

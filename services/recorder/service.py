@@ -23,18 +23,10 @@ from heel.services.runtime import qos
 from heel.services.runtime.inbox import Arrival
 from heel.services.runtime.latched import latched_samples
 from heel.services.runtime.process import software_version
-from heel.services.runtime.qos import TopicQos
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
 
-_TOPICS: dict[str, TopicQos] = {
-    "taken": qos.TAKEN, "info": qos.INFO, "blobs": qos.BLOBS, "tracks": qos.TRACKS,
-    "events": qos.EVENTS, "progress": qos.PROGRESS, "command": qos.COMMAND, "state": qos.STATE,
-    "target": qos.TARGET, "pointed": qos.POINTED, "estop": qos.ESTOP, "odometry": qos.ODOMETRY,
-    "range": qos.RANGES, "drive": qos.DRIVE, "truth": qos.SIM_TRUTH, "world": qos.SIM_WORLD,
-    "health": qos.HEALTH,
-}  # fmt: skip
-"""What is recorded besides pictures, by the names of `keys.TOPICS`."""
+_IMAGES = ("image", "jpeg")
 _RING = 64
 """Messages of a topic that may wait for the loop: one second of commands. A recorder wants all of
 them where others want the newest. Chosen by hand."""
@@ -119,8 +111,9 @@ class Recorder:
 
     def _subscribe(self) -> None:
         inbox = self._context.inbox
-        for name, topic in _TOPICS.items():
-            inbox.subscribe(name, keys.TOPICS[name], replace(topic, capacity=_RING))
+        for name, topic in qos.BY_TOPIC.items():
+            if name not in _IMAGES:
+                inbox.subscribe(name, keys.TOPICS[name], replace(topic, capacity=_RING))
         match self._context.settings.frames:
             case "raw":
                 images = keys.TOPICS["image"]

@@ -100,6 +100,13 @@ SIM_WORLD = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 2, SimWorld.max_bytes)
 EVENTS = TopicQos(_P.DATA, _DROP, False, 16, TrackEvent.max_bytes)
 HEALTH = TopicQos(_P.DATA, _DROP, False, 64, Health.max_bytes)
 """Ahead of images: a service must not look silent because its link is full of pictures."""
+BY_TOPIC = {
+    "image": IMAGE, "jpeg": JPEG, "taken": TAKEN, "info": INFO, "blobs": BLOBS, "tracks": TRACKS,
+    "events": EVENTS, "progress": PROGRESS, "command": COMMAND, "state": STATE, "target": TARGET,
+    "pointed": POINTED, "estop": ESTOP, "odometry": ODOMETRY, "range": RANGES, "drive": DRIVE,
+    "truth": SIM_TRUTH, "world": SIM_WORLD, "health": HEALTH,
+}  # fmt: skip
+"""The same by the names of `keys.TOPICS`."""
 
 _CONTROL_KEYS = ("**/follow/estop", "**/follow/state", "**/follow/target", "**/follow/pointed",
                  "**/cam/*/info", "**/cam/*/taken", "**/cam/*/events", "**/robot/*",

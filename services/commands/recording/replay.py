@@ -1,0 +1,195 @@
+"""`heel replay`: a recording sent again on the robot's bus, in its own time or another."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from heel.schemas import CameraInfo, MessageError, SettingsError, decode, keys
+from heel.services.commands.robot import TIMEOUT_S, RobotFlags, for_robot, session_with
+from heel.services.recordings.wire import WireMessage
+
+if TYPE_CHECKING:
+    import zenoh
+
+    from heel.services.runtime.publishing import Latched
+
+SEEN = ("image", "jpeg", "info", "blobs", "tracks", "events", "odometry", "range", "truth", "world")
+"""What is sent unless topics are named: what cameras, sensors and perception said. What follower
+and drive said is left out, so that a recording moves no robot and releases no stop by accident."""
+_NEVER = {
+    "taken": "it says when a frame was taken, by the clock of then: every frame would be too old",
+    "progress": "it is credit for frames of then",
+}
+_MOVING = frozenset({"command", "estop"})
+_ELSEWHERE = "0"
+"""Host that a replayed camera names where it has JPEGs only: receivers take those of a camera on
+another host."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which topics are sent.
+
+    Attributes:
+        names: of `keys.TOPICS`.
+    """
+
+    names: tuple[str, ...]
+
+    def topic_of(self, key: str) -> str | None:
+        """The name of a key's topic, None if it is not sent."""
+        for name in self.names:
+            if fits(keys.TOPICS[name], key):
+                return name
+        return None
+
+
+def selection(named: str | None) -> Selection:
+    """The topics that a user names, separated by commas.
+
+    Raises:
+        SettingsError: there is no such topic, or it is never sent again.
+    """
+    if named is None:
+        return Selection(SEEN)
+    names = tuple(part.strip() for part in named.split(",") if part.strip())
+    for name in names:
+        if name in _NEVER:
+            raise SettingsError(f"topic {name!r} is not sent again: {_NEVER[name]}")
+        if name not in keys.TOPICS:
+            known = ", ".join(one for one in keys.TOPICS if one not in _NEVER)
+            raise SettingsError(f"no topic is called {name[:80]!r}; known: {known}")
+    return Selection(names)
+
+
+def fits(pattern: str, key: str) -> bool:
+    """Whether a key is one of a pattern's, in which `*` stands for one chunk."""
+    wanted, chunks = pattern.split("/"), key.split("/")
+    return len(wanted) == len(chunks) and all(
+        one in ("*", chunk) for one, chunk in zip(wanted, chunks, strict=True)
+    )
+
+
+def due(
+    messages: Iterable[WireMessage], chosen: Selection, rate: float
+) -> Iterator[tuple[float, str, WireMessage]]:
+    """What is sent, each with the seconds since the start at which it is due, and its topic.
+
+    Args:
+        messages: of a recording, in its order.
+        chosen: the topics.
+        rate: seconds of the recording per second.
+    """
+    first_ns: int | None = None
+    for message in messages:
+        if (topic := chosen.topic_of(message.key)) is None:
+            continue
+        first_ns = message.logged_ns if first_ns is None else first_ns
+        yield max(0.0, (message.logged_ns - first_ns) * 1e-9 / rate), topic, message
+
+
+def as_replayed(message: WireMessage, raw: bool) -> CameraInfo:
+    """What a replayed camera says of itself: that frames are raw ones, or JPEGs of another host.
+
+    Raises:
+        MessageError: it is no such message.
+    """
+    info = decode(CameraInfo, message.payload, message.encoding)
+    return info.model_copy(update={"host": "" if raw else _ELSEWHERE})
+
+
+@for_robot
+def replay(
+    robot: RobotFlags,
+    file: Annotated[Path, typer.Argument(help="recording of `heel record`", metavar="FILE")],
+    topics: Annotated[
+        str | None,
+        typer.Option(
+            help="which ones, by the last words of their keys, comma separated; the others may be "
+            f"live [default: {','.join(SEEN)}]",
+            metavar="A,B",
+        ),
+    ] = None,
+    rate: Annotated[
+        float, typer.Option(help="seconds of the recording per second", min=0.01, max=100.0)
+    ] = 1.0,
+) -> None:
+    """Send a recording again on the robot's bus: the same bytes, stamps and intervals.
+
+    Commands and emergency stops are sent only if they are named.
+    """
+    from heel.services.recordings.reading import Recording, wire_messages
+    from heel.services.runtime.service import stop_signals
+
+    chosen = selection(topics)
+    if moving := _MOVING & set(chosen.names):
+        sys.stderr.write(f"heel: {', '.join(sorted(moving))}: what drives here obeys it\n")
+    recording = Recording(file)
+    with stop_signals(TIMEOUT_S) as stop, session_with(robot.find()) as session:
+        with ExitStack() as stack:
+            sender = _Sender(session, stack)
+            started_s, late_s, sent = time.monotonic(), 0.0, 0
+            for at_s, topic, message in due(wire_messages(recording), chosen, rate):
+                if not _wait(stop, started_s + at_s):
+                    break
+                late_s = max(late_s, time.monotonic() - started_s - at_s)
+                sender.send(topic, message, recording.session.get("frames") == "raw")
+                sent += 1
+    seconds = time.monotonic() - started_s
+    typer.echo(f"sent {sent} messages in {seconds:.1f} s, at most {late_s * 1e3:.0f} ms late")
+    if not sent:
+        raise SettingsError(f"{file}: nothing of {', '.join(chosen.names)} in it")
+
+
+def _wait(stop: threading.Event, until_s: float) -> bool:
+    """Wait for a moment; False if the command is to end."""
+    left_s = until_s - time.monotonic()
+    return not (stop.wait(left_s) if left_s > 0 else stop.is_set())
+
+
+class _Sender:
+    """Publishers of the topics that are sent, made when they are needed."""
+
+    def __init__(self, session: zenoh.Session, stack: ExitStack) -> None:
+        self._session, self._stack = session, stack
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._infos: dict[str, Latched] = {}
+
+    def send(self, topic: str, message: WireMessage, raw: bool) -> None:
+        """Send one message as it was; what cameras say of themselves is kept for who asks."""
+        if topic == "info":
+            try:
+                self._info(message.key, as_replayed(message, raw))
+            except MessageError as error:
+                sys.stderr.write(f"heel: {message.key}: {error}\n")
+            return
+        self._publisher(topic, message.key).put(
+            message.payload, encoding=message.encoding, attachment=message.attachment
+        )
+
+    def _info(self, key: str, info: CameraInfo) -> None:
+        from heel.services.runtime import qos
+        from heel.services.runtime.publishing import Latched
+
+        if key not in self._infos:
+            self._infos[key] = self._stack.enter_context(Latched(self._session, key, qos.INFO))
+        self._infos[key].set(info)
+
+    def _publisher(self, topic: str, key: str) -> zenoh.Publisher:
+        from heel.services.runtime.qos import BY_TOPIC
+
+        if key not in self._publishers:
+            how = BY_TOPIC[topic]
+            self._publishers[key] = self._session.declare_publisher(
+                key, priority=how.priority, congestion_control=how.congestion, express=how.express
+            )
+        return self._publishers[key]
