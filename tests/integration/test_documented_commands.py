@@ -24,6 +24,7 @@ from tests.integration.test_readme import free_port, run, started
 from tests.support import network
 from tests.support.documents import Block, blocks
 from tests.support.processes import REPOSITORY, inherited_environment
+from tests.support.recordings import image, info, recording
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -45,6 +46,9 @@ HERE = {
     "heel follower --max-linear-mps 0",
     "heel follow 320 240",
     "heel drive --driver log",
+    "heel record --check recording.mcap",
+    "heel run recording.mcap --out again",
+    "heel replay recording.mcap --topics image,info --rate 0.5",
     "heel capture /dev/video0 --calibration camera.toml",
 }
 """Run below, with drawn scenes in place of cameras and recordings."""
@@ -72,6 +76,7 @@ _REMOTE = "tests/integration/test_swap.py::test_tracks_go_on_when_a_service_move
 _DOCKER = "tests/docker/test_docs.py::test_the_commands_do_what_the_page_says"
 _DEMO_PROFILE = "tests/docker/test_demo.py::test_the_profile_shows_a_robot_in_a_world_of_its_own"
 _STOPPING = "tests/integration/test_time_to_stop.py::test_the_robot_stands_in_time"
+_RECORDING = "tests/integration/test_recording.py::"
 _MODEL = "tests/integration/test_run_with_model.py::"
 
 ELSEWHERE = {
@@ -157,6 +162,14 @@ ELSEWHERE = {
         "tests/integration/test_security_stack.py::"
         "test_a_robot_with_certificates_sees_follows_and_stops",
     ),
+    "heel record --out recordings":
+        _RECORDING + "test_sigkill_costs_a_recording_less_than_a_second",
+    "heel record --last 60 --out incidents":
+        _RECORDING + "test_the_last_seconds_become_a_file_when_they_are_asked_for",
+    "heel record --save":
+        _RECORDING + "test_the_last_seconds_become_a_file_when_they_are_asked_for",
+    "heel replay recording.mcap": "tests/unit/commands/test_replay.py::"
+        "test_messages_are_due_as_they_came_and_faster_by_a_factor",
     "docker compose build": _DOCKER,
     "docker compose up -d": _DOCKER,
     "docker compose ps": _DOCKER,
@@ -309,6 +322,21 @@ def test_recordings_are_run_and_scored_as_the_pages_say(desk: Path) -> None:
     for name in ("results", "incident"):
         for file in (desk / name).iterdir():
             assert f"`{file.name}" in told, f"the table of {page} leaves out {file.name}"
+
+
+def test_a_recording_is_checked_run_and_replayed(desk: Path) -> None:
+    recording(desk / "recording.mcap", [info(), *(image(seq) for seq in range(30))])
+    with network.router() as endpoint, network.client(endpoint) as session:
+        with network.collected(session, keys.image("front")) as heard:
+            for line in ("heel record --check recording.mcap",
+                         "heel run recording.mcap --out again",
+                         "heel replay recording.mcap --topics image,info --rate 0.5"):  # fmt: skip
+                done = run(line, desk, HEEL_ZENOH__CONNECT=endpoint)
+                # There are no people in it.
+                assert done.returncode == 0, f"{line}: {done.stderr}"
+            assert "sent 31 messages" in done.stdout
+            network.wait_until(lambda: heard.qsize() == 30, "30 frames")
+            assert heard.get().payload.to_bytes() == image(0).payload
 
 
 @contextmanager
