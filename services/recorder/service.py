@@ -30,9 +30,10 @@ _IMAGES = ("image", "jpeg")
 _RING = 64
 """Messages of a topic that may wait for the loop: one second of commands. A recorder wants all of
 them where others want the newest. Chosen by hand."""
-_FRAMES_RING = 4
-"""The same of frames. They sit in the camera's shared memory until the loop has copied them, which
-takes a millisecond; the camera has six such buffers, for all of its receivers."""
+_FRAMES_RING = 12
+"""The same of frames: half a second of them. They sit in the camera's shared memory until the loop
+has copied them, which takes a millisecond; where a recorder is so far behind that the camera has
+none left, frames go through sockets. Chosen by hand."""
 _QUEUE_BYTES = 64 << 20
 """Memory for what the disk is not done with: two seconds of raw frames. What comes on top is lost,
 counted and said. Chosen by hand."""
