@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -53,19 +53,27 @@ def init(
     The router then lets nobody else in, and each of them do only what its role needs.
     """
     from heel.schemas.keys import chunk
-    from heel.services.security.folder import SecurityFolder
+    from heel.services.security.accounts import new_password
+    from heel.services.security.folder import PAGE_CERTIFICATE, PAGE_USERS, SecurityFolder
 
     cameras = tuple(chunk(name, "--camera") for name in camera or ["front"])
     made = SecurityFolder.create(
         folder, "password" if passwords else "certificate", tuple(host or ()), namespace, cameras,
         days,
     )  # fmt: skip
+    password = new_password()
+    made.set_login("operator", "operate", password)
     for line in _described(made):
         typer.echo(line)
     typer.echo("now, each in its own terminal or container:")
     typer.echo(f"  heel router --config-file {folder / 'router.json5'}")
     typer.echo(f"  heel detector --config-file {folder / 'detector.json5'}   # and so on")
     typer.echo(f"  heel status --config-file {folder / 'operator.json5'}")
+    typer.echo(
+        f"  heel web --config-file {folder / 'web.json5'} --host 0.0.0.0 "
+        f"--users-file {folder / PAGE_USERS} --certificate {folder / PAGE_CERTIFICATE}"
+    )
+    typer.echo(f"on the page, name operator, password {password} (not shown again)")
 
 
 @app.command()
@@ -88,6 +96,41 @@ def remove(folder: _Folder, name: _Name) -> None:
     """Let a member in no longer, whatever copies of its file there are."""
     _opened(folder).remove(name)
     typer.echo(f"{name} has no rights any more: start the router again")
+
+
+@app.command()
+def login(
+    folder: _Folder,
+    name: Annotated[str, typer.Argument(help="that is typed on the page", metavar="NAME")],
+    role: Annotated[
+        Literal["watch", "operate", "nobody"],
+        typer.Option(help="what the page lets them do; nobody: not even log in"),
+    ],
+    password_file: Annotated[
+        Path | None,
+        typer.Option(
+            help="file that holds the password [default: it is asked for]", metavar="FILE"
+        ),
+    ] = None,
+) -> None:
+    """Let somebody log in on the page, or change their role or password."""
+    from heel.schemas.errors import SettingsError
+    from heel.schemas.keys import chunk
+
+    made, name = _opened(folder), chunk(name)
+    if role == "nobody":
+        made.remove_login(name)
+        typer.echo(f"{name} may not log in any more: start the page again to end what is open")
+        return
+    if password_file is None:
+        password = typer.prompt("password", hide_input=True, confirmation_prompt=True)
+    else:
+        try:
+            password = password_file.read_text(encoding="utf-8").strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise SettingsError(f"password file {password_file}: {error}") from None
+    made.set_login(name, role, password)
+    typer.echo(f"{name} may log in on the page, role {role}")
 
 
 @app.command()

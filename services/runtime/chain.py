@@ -229,7 +229,7 @@ class ChainWatch:
         return [(part, self.state(part, now_s)) for part in listed]
 
 
-_PAGE = re.compile(r"http://[a-zA-Z0-9.:\[\]-]{1,80}:[0-9]{1,5}/")
+_PAGE = re.compile(r"https?://[a-zA-Z0-9.:\[\]-]{1,80}:[0-9]{1,5}/")
 
 
 def page_of(health: Health) -> str | None:

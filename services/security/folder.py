@@ -21,6 +21,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from heel.schemas.base import Name
 from heel.schemas.errors import HeelError, SettingsError
+from heel.services.security.accounts import (
+    Account,
+    PageRole,
+    as_text,
+    checked_password,
+    hashed,
+    read_accounts,
+)
 from heel.services.security.certificates import Certified, certify, new_authority
 from heel.services.security.roles import ROLES, SERVICES
 from heel.services.security.rules import access_control, size_limits
@@ -154,6 +162,32 @@ class SecurityFolder:
         self.file_of(name).unlink(missing_ok=True)
         self._write_router()
 
+    def set_login(self, name: str, role: PageRole, password: str) -> None:
+        """Let somebody log in on the page, or give them another role or password.
+
+        Raises:
+            SettingsError: the password is too short, or the file of accounts is none.
+        """
+        file = self.folder / PAGE_USERS
+        accounts = read_accounts(file) if file.exists() else {}
+        accounts[name] = Account(role, hashed(checked_password(password)))
+        self._write_secret(file, as_text(accounts).encode())
+
+    def remove_login(self, name: str) -> None:
+        """Let somebody log in on the page no longer; the page has to be started again.
+
+        Raises:
+            SettingsError: there is no such account, or it is the last one.
+        """
+        file = self.folder / PAGE_USERS
+        accounts = read_accounts(file)
+        if name not in accounts:
+            raise SettingsError(f"no {name!r} in {file}: there are {', '.join(accounts)}")
+        if len(accounts) == 1:
+            raise SettingsError(f"{name!r} is the last one that may log in: let another in first")
+        del accounts[name]
+        self._write_secret(file, as_text(accounts).encode())
+
     def renew(self) -> None:
         """Make every certificate but the authority's anew; copies elsewhere have to be replaced."""
         self._issue(dict(self.members.roles))
@@ -271,8 +305,11 @@ class SecurityFolder:
 
     def _keep(self, members: Members) -> None:
         self.members = members
+        self._write_secret(self.folder / _INDEX, members.model_dump_json(indent=2).encode())
+
+    def _write_secret(self, file: Path, content: bytes) -> None:
         try:
-            _write(self.folder / _INDEX, members.model_dump_json(indent=2).encode())
+            _write(file, content)
         except OSError as error:
             raise _unwritable(self.folder, error) from None
 

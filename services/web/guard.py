@@ -21,13 +21,18 @@ class HostGuard:
         names: further host names that are ours, with a port if a proxy changes it.
         open_to_network: bound beyond loopback: then any plain IP address may be asked for, which
             is safe because rebinding needs a name.
+        tls: served over TLS: then nothing comes from a page that was not.
     """
 
-    def __init__(self, host: str, port: int, names: tuple[str, ...], open_to_network: bool) -> None:
-        self._port = port
+    def __init__(
+        self, host: str, port: int, names: tuple[str, ...], open_to_network: bool,
+        tls: bool = False,
+    ) -> None:  # fmt: skip
+        self._port, self._tls = port, tls
         self._open = open_to_network
         own = {"localhost", "127.0.0.1", "[::1]", _literal(host)}
-        self._own = {f"{name}:{port}" for name in own} | (own if port == 80 else set())
+        usual_port = 443 if tls else 80
+        self._own = {f"{name}:{port}" for name in own} | (own if port == usual_port else set())
         # Browsers leave out the port that belongs to the scheme; a TLS proxy uses 443.
         self._named = {name if ":" in name else f"{name}:{port}" for name in names}
         self._named |= {name for name in names if ":" not in name}
@@ -56,6 +61,8 @@ class HostGuard:
 
     def _origins(self, host: str) -> tuple[str, ...]:
         """What a page of ours says it comes from; https where a proxy may stand before it."""
+        if self._tls:
+            return (f"https://{host}",)
         plain = f"http://{host}"
         return (plain, f"https://{host}") if host in self._named else (plain,)
 

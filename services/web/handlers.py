@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from importlib import resources
@@ -20,13 +22,15 @@ from heel.services.web.control import (
 )
 from heel.services.web.guard import HostGuard
 from heel.services.web.hub import Hub, Viewer
+from heel.services.web.login import LONGEST_S, Login, Session
 from heel.services.web.requests import (
     MAX_BODY_BYTES,
     BadRequestError,
     acknowledged_number,
+    credentials,
     target_request,
 )
-from heel.services.web.worker import BusyError
+from heel.services.web.worker import BusyError, Worker
 
 STATIC_FILES = {
     "index.html": "text/html",
@@ -37,8 +41,18 @@ STATIC_FILES = {
     "people.js": "text/javascript",
     "above.js": "text/javascript",
     "link.js": "text/javascript",
+    "login.html": "text/html",
+    "login.js": "text/javascript",
+    "session.js": "text/javascript",
     "icon.svg": "image/svg+xml",
 }
+_FOR_ALL = frozenset(
+    ("/login.html", "/login.js", "/style.css", "/icon.svg", "/healthz", "/api/login")
+)
+"""What is served without a login."""
+_TO_OPERATE = frozenset(("/api/target", "/api/stop", "/api/resume"))
+MOST_LOGINS = 4
+"""Passwords that are checked or wait for it; more are refused as busy. Chosen by hand."""
 HUNG_S = 2.0
 """Seconds without a turn of the service loop from which the page says that it hangs."""
 _BODY_TIMEOUT_S = 2.0
@@ -60,6 +74,11 @@ class Site:
     control: Control
     guard: HostGuard
     connections: Connections
+    login: Login | None = None
+    """None: everybody that reaches the page may do everything."""
+    checks: Worker | None = None
+    """Checks passwords, which takes a while."""
+    tls: bool = False
 
     def application(self) -> web.Application:
         """The aiohttp application."""
@@ -73,6 +92,9 @@ class Site:
                 web.get("/healthz", self._healthz),
                 web.get("/snapshot.jpg", self._snapshot),
                 web.get("/api/state", self._state),
+                web.get("/api/session", self._session),
+                web.post("/api/login", self._log_in),
+                web.post("/api/logout", self._log_out),
                 web.post("/api/target", self._target),
                 web.post("/api/stop", self._stop),
                 web.post("/api/resume", self._resume),
@@ -86,6 +108,14 @@ class Site:
         refusal = self.guard.refusal(request.headers, request.path)
         if refusal is not None:
             return _error(403, refusal)
+        if self.login is not None and request.path not in _FOR_ALL:
+            session = self._session_of(request)
+            if session is None and request.path in ("/", "/index.html"):
+                raise web.HTTPSeeOther("/login.html")
+            if session is None:
+                return _error(401, "log in first")
+            if session.role != "operate" and request.path in _TO_OPERATE:
+                return _error(403, f"{session.user} is logged in to watch: operators may do this")
         try:
             return await handler(request)
         except web.HTTPException as error:
@@ -94,6 +124,58 @@ class Site:
             return _error(400, str(error))
         except BusyError as error:
             return _error(429, str(error))
+
+    def _session_of(self, request: web.Request) -> Session | None:
+        if self.login is None:
+            return None
+        token = request.cookies.get(self._cookie)
+        return self.login.sessions.find(token, time.monotonic())
+
+    @property
+    def _cookie(self) -> str:
+        """Its name; browsers let nothing but this very host over TLS set one that begins so."""
+        return "__Host-heel" if self.tls else "heel"
+
+    async def _session(self, request: web.Request) -> web.Response:
+        session = self._session_of(request)
+        if session is None:
+            return web.json_response({"login": False})
+        return web.json_response({"login": True, "user": session.user, "role": session.role})
+
+    async def _log_in(self, request: web.Request) -> web.Response:
+        user, password = credentials(await _body(request))
+        if self.login is None or self.checks is None:
+            return _error(404, "nobody logs in here")
+        login, address, now_s = self.login, request.remote or "unknown", time.monotonic()
+        if wait_s := login.attempts.wait_s(address, user, now_s):
+            self._say_of_login(f"attempt for {user!r} from {address} refused: too many")
+            return _error(429, f"too many wrong attempts: wait {math.ceil(wait_s)} s")
+        # Noted before it is checked, so that many at once count as many.
+        login.attempts.failed(address, user, now_s)
+        role = await asyncio.wrap_future(self.checks.submit(lambda: login.role_of(user, password)))
+        if role is None:
+            self._say_of_login(f"wrong name or password for {user!r} from {address}")
+            return _error(403, "wrong name or password")
+        login.attempts.right(address, user)
+        self._say_of_login(f"{user!r} logged in from {address}, role {role}")
+        response = web.json_response({"role": role})
+        response.set_cookie(
+            self._cookie, login.sessions.begin(user, role, time.monotonic()),
+            httponly=True, samesite="Strict", secure=self.tls, path="/", max_age=int(LONGEST_S),
+        )  # fmt: skip
+        return response
+
+    async def _log_out(self, request: web.Request) -> web.Response:
+        if self.login is not None:
+            self.login.sessions.end(request.cookies.get(self._cookie))
+        response = web.json_response({})
+        response.del_cookie(
+            self._cookie, path="/", httponly=True, samesite="Strict", secure=self.tls
+        )
+        return response
+
+    def _say_of_login(self, words: str) -> None:
+        self.connections.warn.warning("login", words, time.monotonic())
 
     async def _healthz(self, _request: web.Request) -> web.Response:
         _, age_s = self.hub.status()
@@ -171,12 +253,16 @@ class Site:
                 request.app[SOCKETS].add(socket)
                 sending = asyncio.create_task(_send(socket, viewer))
                 try:
-                    await _receive(socket, viewer)
+                    await _receive(socket, viewer, self._may_go_on(request))
                 finally:
                     request.app[SOCKETS].discard(socket)
                     sending.cancel()
                     await asyncio.wait([sending])
         return socket
+
+    def _may_go_on(self, request: web.Request) -> Callable[[], bool]:
+        """Whether a viewer's login still holds; using the page keeps it."""
+        return lambda: self.login is None or self._session_of(request) is not None
 
 
 SOCKETS = web.AppKey("sockets", set[web.WebSocketResponse])
@@ -198,8 +284,13 @@ async def _send(socket: web.WebSocketResponse, viewer: Viewer) -> None:
         return
 
 
-async def _receive(socket: web.WebSocketResponse, viewer: Viewer) -> None:
+async def _receive(
+    socket: web.WebSocketResponse, viewer: Viewer, may_go_on: Callable[[], bool]
+) -> None:
     async for message in socket:
+        if not may_go_on():
+            await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"logged out")
+            return
         try:
             if message.type is not WSMsgType.TEXT:
                 raise BadRequestError('viewers send {"ack": number} and nothing else')

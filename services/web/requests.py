@@ -38,6 +38,23 @@ def target_request(body: bytes) -> TargetRequest:
         raise BadRequestError(f"{where}: {first['msg']}") from None
 
 
+def credentials(body: bytes) -> tuple[str, str]:
+    """Read the body of POST /api/login, `{"user": "anna", "password": "..."}`.
+
+    Raises:
+        BadRequestError: anything else.
+    """
+    fields = _json_object(body)
+    user, password = fields.get("user"), fields.get("password")
+    if (
+        set(fields) != {"user", "password"}
+        or not isinstance(user, str)
+        or (not isinstance(password, str))
+    ):
+        raise BadRequestError('send {"user": name, "password": word} and nothing else')
+    return user[:64], password
+
+
 def acknowledged_number(text: str) -> int:
     """Read a viewer's `{"ack": 12}`.
 

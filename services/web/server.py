@@ -7,13 +7,15 @@ import errno
 import ipaddress
 import logging
 import socket
+import ssl
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 from aiohttp import WSCloseCode, web
 
-from heel.schemas import HeelError
+from heel.schemas import HeelError, SettingsError
 from heel.services.web.connections import IDLE_S, Connection
 from heel.services.web.handlers import SOCKETS, Site
 from heel.services.web.hub import Hub
@@ -22,6 +24,8 @@ _START_DEADLINE_S = 5.0
 """Seconds that the server's thread has to start; chosen by hand."""
 _BACKLOG = 128
 """Connections that may wait to be accepted; chosen by hand."""
+_HANDSHAKE_S = 3.0
+"""Seconds that a client has for TLS; chosen by hand."""
 _STOP_DEADLINE_S = 1.0
 """Seconds that the server's thread has to end: below the deadline of the process."""
 _CLOSE_DEADLINE_S = 0.3
@@ -49,6 +53,25 @@ def listen(host: str, port: int) -> socket.socket:
         raise HeelError(f"web: cannot listen on {host}:{port}: {error.strerror}") from None
 
 
+def tls_context(certificate: Path, key: Path | None) -> ssl.SSLContext:
+    """What serves the page over TLS 1.2 or newer.
+
+    Raises:
+        SettingsError: a file cannot be read, or is no certificate with its key.
+    """
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    try:
+        context.load_cert_chain(certificate, key)
+    except OSError as error:
+        where = certificate if key is None else f"{certificate}, {key}"
+        raise SettingsError(
+            f"web: {where}: {error.strerror or error}: name a PEM file with a certificate and its "
+            "key, or give --certificate-key"
+        ) from None
+    return context
+
+
 class ServerThread(threading.Thread):
     """Serves a site until told to stop. Use as a context manager.
 
@@ -56,13 +79,18 @@ class ServerThread(threading.Thread):
         site: what is served.
         listener: a listening socket; closed at the end.
         log: told of failures.
+        tls: certificate and key; None: served in the clear.
     """
 
-    def __init__(self, site: Site, listener: socket.socket, log: logging.Logger) -> None:
+    def __init__(
+        self, site: Site, listener: socket.socket, log: logging.Logger,
+        tls: ssl.SSLContext | None = None,
+    ) -> None:  # fmt: skip
         super().__init__(name="web-server", daemon=True)
         self._site = site
         self._listener = listener
         self._log = log
+        self._tls = tls
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stopping: asyncio.Event | None = None
         self._ready = threading.Event()
@@ -81,8 +109,11 @@ class ServerThread(threading.Thread):
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(self._complain)
         accepting = await loop.create_server(
-            lambda: self._connection(runner), sock=self._listener, backlog=_BACKLOG
-        )
+            lambda: self._connection(runner), sock=self._listener, backlog=_BACKLOG,
+            ssl=self._tls,
+            ssl_handshake_timeout=_HANDSHAKE_S if self._tls else None,
+            ssl_shutdown_timeout=_CLOSE_DEADLINE_S if self._tls else None,
+        )  # fmt: skip
         sweeping = asyncio.create_task(self._site.connections.keep_clean())
         self._loop, self._stopping = loop, asyncio.Event()
         hub.attach(self._loop)

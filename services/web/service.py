@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from contextlib import ExitStack
 from dataclasses import replace
@@ -32,19 +33,23 @@ from heel.services.runtime.latched import LatchedQuery
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
 from heel.services.runtime.streams import StreamJudge
+from heel.services.security.folder import own_names
 from heel.services.web.above import ViewFromAbove
+from heel.services.web.address import reachable_host, show_code
 from heel.services.web.connections import Connections, room_for_connections
 from heel.services.web.control import Control
 from heel.services.web.frames import ViewFrame, describe
 from heel.services.web.guard import HostGuard
-from heel.services.web.handlers import Site
+from heel.services.web.handlers import MOST_LOGINS, Site
 from heel.services.web.hub import Hub
 from heel.services.web.joiner import FrameJoiner, HeldImage, Joined
+from heel.services.web.login import Login
 from heel.services.web.picture import to_jpeg
 from heel.services.web.rate import RateLimiter
-from heel.services.web.server import ServerThread, listen
+from heel.services.web.server import ServerThread, listen, tls_context
 from heel.services.web.settings import WebServiceSettings, is_loopback
 from heel.services.web.status import StatusBoard
+from heel.services.web.worker import Worker
 
 _TRACKS_DEADLINE_S = 0.4
 """A picture waits so long for its tracks, then goes without: twice what a slow detector takes."""
@@ -298,21 +303,34 @@ def serve(context: ServiceContext[WebServiceSettings]) -> None:
     listener = listen(settings.host, settings.port)
     host, port = listener.getsockname()[:2]
     shown_host = f"[{host}]" if ":" in host else host
-    url = f"http://{shown_host}:{port}/"
+    tls = None
     with ExitStack() as resources:
         resources.callback(listener.close)
+        login = None if settings.users_file is None else Login(settings.users_file)
+        if settings.certificate is not None:
+            tls = tls_context(settings.certificate, settings.certificate_key)
+        names = settings.names
+        if login is not None:
+            # Another site's name for this machine has none of the cookies.
+            names += own_names()
+            shown_host = reachable_host(shown_host)
+        url = f"{'http' if tls is None else 'https'}://{shown_host}:{port}/"
         hub = Hub(settings.max_viewers)
         control = Control(context, resources)
         service = WebService(context, hub, control)
         service.tick(time.monotonic())
-        guard = HostGuard(host, port, settings.names, not is_loopback(settings.host))
+        wide = not is_loopback(settings.host)
+        guard = HostGuard(host, port, names, wide, tls is not None)
         connections = Connections(room_for_connections(), context.log)
-        site = Site(hub, control, guard, connections)
-        resources.enter_context(ServerThread(site, listener, context.log))
+        checks = None if login is None else Worker("login", MOST_LOGINS, resources)
+        site = Site(hub, control, guard, connections, login, checks, tls is not None)
+        resources.enter_context(ServerThread(site, listener, context.log, tls))
         context.statistics.details["url"] = url
         context.log.info("page at %s", url)
-        if not is_loopback(settings.host):
+        if wide and login is None:
             context.log.warning("whoever reaches %s can watch and drive", url)
+        if wide and sys.stderr.isatty():
+            show_code(url, sys.stderr)
         context.announce()
         service.run()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from pathlib import Path
 
 from pydantic import Field, ValidationInfo, field_validator
 
@@ -25,9 +26,20 @@ def is_loopback(host: str) -> bool:
 class WebServiceSettings(ServiceSettings):
     """How the page is served; pictures are always live, whatever the mode of delivery."""
 
-    # Before `host`, whose check asks for it.
+    # These before `host`, whose check asks for them.
     insecure: bool = Field(
-        False, description="allow a host beyond loopback: whoever reaches the page can drive"
+        False,
+        description="allow a host beyond loopback without login and TLS: whoever reaches "
+        "the page can drive",
+    )
+    users_file: Path | None = Field(
+        None, description="accounts that may log in, of `heel security login`; off"
+    )
+    certificate: Path | None = Field(
+        None, description="PEM file with a certificate: the page is served over TLS"
+    )
+    certificate_key: Path | None = Field(
+        None, description="PEM file with its key, if it is not in the same file"
     )
     host: str = Field("127.0.0.1", description="address to listen on")
     port: int = Field(8470, ge=0, le=65535, description="TCP port; 0 picks a free one")
@@ -46,10 +58,12 @@ class WebServiceSettings(ServiceSettings):
     @field_validator("host")
     @classmethod
     def _stays_on_this_machine(cls, host: str, info: ValidationInfo) -> str:
-        if not is_loopback(host) and not info.data.get("insecure", False):
+        kept = info.data.get("users_file") and info.data.get("certificate")
+        if not (is_loopback(host) or kept or info.data.get("insecure", False)):
             raise ValueError(
                 "whoever reaches this address could watch and drive: keep 127.0.0.1 (and use an "
-                "SSH tunnel), or say --insecure if that is meant"
+                "SSH tunnel), give --users-file and --certificate, or say --insecure if that is "
+                "meant"
             )
         return host
 

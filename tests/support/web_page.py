@@ -48,7 +48,7 @@ def web_process(endpoint: str, *arguments: str) -> Iterator[tuple[str, Running]]
     """The web service on a free port; its address without the last slash, and its process."""
     flags = ("--connect", endpoint, "--port", "0", *arguments)
     with running("-m", "heel.services.web", *flags) as process:
-        wait_until(lambda: "page at " in process.stderr() or not process.alive, "the page")
+        wait_until(lambda: "page at " in process.stderr() or not process.alive, "the page", 40.0)
         assert process.alive, process.stderr()
         yield process.stderr().partition("page at ")[2].split('/"')[0], process
 

@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,6 +29,8 @@ _LOOK_S = 0.5
 """Seconds between two looks whether the router is there; chosen by hand."""
 _SETTLED_S = 2.0
 """Seconds after which a session that was opened has told of its router; chosen by hand."""
+EVERYTHING = "**"
+"""The key expression of all topics, known or not."""
 _RING = 256
 """Messages that may wait to be looked at; chosen by hand, what is more is counted as missed."""
 
@@ -149,6 +151,7 @@ def listening(
         HeelError: the router cannot be reached.
     """
     import zenoh
+    from zenoh.handlers import RingChannel
 
     from heel.services.runtime.inbox import Inbox
     from heel.services.runtime.qos import TopicQos
@@ -160,9 +163,14 @@ def listening(
         zenoh.Priority.DATA, zenoh.CongestionControl.DROP, False, _RING, MAX_MESSAGE_BYTES
     )
     with stop_signals(TIMEOUT_S) as stop, session_with(where) as session:
-        with Inbox(session) as inbox:
+        with Inbox(session) as inbox, ExitStack() as stack:
             for topic, key in topics.items():
                 inbox.subscribe(topic, key, qos)
+            if EVERYTHING in topics.values():
+                # Where access rules refuse that, it still hears what comes for these.
+                for key in keys.TOPICS.values():
+                    opened = session.declare_subscriber(key, RingChannel(1))
+                    stack.callback(opened.undeclare)
             if alive:
                 inbox.subscribe_alive("alive", keys.ALL_ALIVE)
             until_s = time.monotonic() + (float("inf") if for_s is None else for_s)

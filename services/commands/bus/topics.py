@@ -15,6 +15,7 @@ import typer
 from heel.schemas import HeelError, keys
 from heel.services.commands.bus import rates as figures
 from heel.services.commands.bus.listening import (
+    EVERYTHING,
     AsJson,
     Count,
     For,
@@ -42,6 +43,9 @@ _HINT_S = 2.0
 _ASK_S = 0.5
 """Longest wait for the answers of those that keep a value [s]; answers take milliseconds. Chosen by
 hand."""
+_LATCHED = (keys.FOLLOW_STATE, keys.FOLLOW_TARGET, keys.FOLLOW_ESTOP, keys.TOPICS["info"],
+            keys.SIM_WORLD)  # fmt: skip
+"""Keys of values that are kept. One by one: access rules refuse wildcards beyond them."""
 _LARGEST_BYTES = 1 << 20
 """Of a payload that is looked into: the largest cap of a message that is no image."""
 
@@ -56,8 +60,8 @@ def topics(
 ) -> None:
     """List what is sent on the robot's bus: kind, rate, bandwidth and sender of every topic."""
     heard, kept = BusRates(), set()
-    with listening(robot.find(), {"bus": "**"}, for_s) as bus:
-        for sample in _kept(bus.session, "follow/*", keys.TOPICS["info"], keys.SIM_WORLD):
+    with listening(robot.find(), {"bus": EVERYTHING}, for_s) as bus:
+        for sample in _kept(bus.session, *_LATCHED):
             kept.add(sample.key)
             heard.hear(sample, tell(sample))
         for arrival in bus.turns():
@@ -98,7 +102,7 @@ def hz(
 @for_robot
 def bw(
     robot: RobotFlags,
-    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="as of `heel hz`")] = "**",
+    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="as of `heel hz`")] = EVERYTHING,
     for_s: For = None,
     count: Count = None,
     as_json: AsJson = False,

@@ -5,6 +5,7 @@ import { Link } from "./link.js";
 import { Panel } from "./panel.js";
 import { People } from "./people.js";
 import { Picture } from "./picture.js";
+import { ScreenLock, showLogin } from "./session.js";
 
 const STOP_RETRY_MS = 500;
 const REQUEST_TIMEOUT_MS = 3000;
@@ -15,6 +16,9 @@ const picture = new Picture(element("picture"));
 const panel = new Panel();
 const people = new People(element("people"), (person) => followPerson(person));
 const above = new Above(element("above"));
+const screenLock = new ScreenLock();
+// In these the robot moves by itself, or may at any moment.
+const ON_ITS_WAY = new Set(["acquiring", "following", "occluded", "unsure", "searching"]);
 const nextFrame = () => new Promise(requestAnimationFrame);
 
 const link = new Link(
@@ -31,11 +35,13 @@ const link = new Link(
       panel.update(status);
       panel.tick(link);
       above.showState(status.follower?.state);
+      screenLock.keep(ON_ITS_WAY.has(status.follower?.state));
     },
     "sim-world": (world) => above.showWorld(world),
     "sim-truth": (truth) => above.showTruth(truth),
   },
 );
+showLogin(link);
 setInterval(() => {
   panel.tick(link);
   people.tick();
@@ -77,6 +83,7 @@ function followPerson(person, point = {}) {
 let stopping = 0;
 
 async function stop() {
+  if (element("stop").disabled) return;
   stopping += 1;
   const attempt = stopping;
   panel.press();

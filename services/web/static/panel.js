@@ -90,7 +90,8 @@ export class Panel {
   stopOutcome() {
     if (this.unsentStop) return ["unsure", "NOT SENT", OWN_SWITCH];
     if (this.pressed && !this.stopped) return this.sentAt ? ["pending", "STOPPING", "sent"] : ["pending", "STOP", "pressed: sending it"];
-    if (!this.stopped) return ["", "STOP", "or press Esc"];
+    const watching = document.body.dataset.role === "watch";
+    if (!this.stopped) return ["", "STOP", watching ? "you are logged in to watch" : "or press Esc"];
     const { stop, drive } = this.status;
     const by = stop.source ? ` \u00b7 by ${this.stopper(stop.source)}` : "";
     if (stop.confirmed_by === "drive") return ["stopped", "STOPPED", `the wheels stand${by}`];
@@ -116,7 +117,7 @@ export class Panel {
     if (this.stopped && !this.wasStopped) {
       // A second tap meant for STOP must not resume.
       resume.disabled = true;
-      setTimeout(() => { resume.disabled = false; }, RESUME_GUARD_MS);
+      setTimeout(() => { resume.disabled = document.body.dataset.role === "watch"; }, RESUME_GUARD_MS);
     }
     this.wasStopped = this.stopped;
   }
