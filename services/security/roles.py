@@ -106,12 +106,18 @@ ROLES: dict[str, Access] = {
         asks=(keys.FOLLOW_TARGET, keys.FOLLOW_STATE, keys.FOLLOW_ESTOP, _WORLD, _INFO,
               keys.ROUTER_VERSION),
     ),
+    "recorder": Access(
+        "keep everything on disk",
+        hears=_SEEN,
+        answers=(keys.ALL_SAVE,),
+        asks=(*_LOOKING.asks, keys.FOLLOW_TARGET, keys.FOLLOW_ESTOP),
+    ),
     "watch": _LOOKING,
     "operate": Access(
         "look at everything, choose, stop and release",
         sends=(keys.FOLLOW_ESTOP,),
         hears=_SEEN,
-        asks=(*_LOOKING.asks, keys.FOLLOW_TARGET, keys.FOLLOW_ESTOP),
+        asks=(*_LOOKING.asks, keys.FOLLOW_TARGET, keys.FOLLOW_ESTOP, keys.ALL_SAVE),
         service=False,
     ),
 }  # fmt: skip

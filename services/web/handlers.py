@@ -152,7 +152,10 @@ class Site:
             return _error(429, f"too many wrong attempts: wait {math.ceil(wait_s)} s")
         # Noted before it is checked, so that many at once count as many.
         login.attempts.failed(address, user, now_s)
-        role = await asyncio.wrap_future(self.checks.submit(lambda: login.role_of(user, password)))
+        with self.connections.kept(request.protocol):
+            role = await asyncio.wrap_future(
+                self.checks.submit(lambda: login.role_of(user, password))
+            )
         if role is None:
             self._say_of_login(f"wrong name or password for {user!r} from {address}")
             return _error(403, "wrong name or password")
@@ -251,9 +254,10 @@ class Site:
             with self.connections.kept(request.protocol):
                 await socket.prepare(request)
                 request.app[SOCKETS].add(socket)
-                sending = asyncio.create_task(_send(socket, viewer))
+                may_go_on = self._may_go_on(request)
+                sending = asyncio.create_task(_send(socket, viewer, may_go_on))
                 try:
-                    await _receive(socket, viewer, self._may_go_on(request))
+                    await _receive(socket, viewer)
                 finally:
                     request.app[SOCKETS].discard(socket)
                     sending.cancel()
@@ -268,12 +272,17 @@ class Site:
 SOCKETS = web.AppKey("sockets", set[web.WebSocketResponse])
 
 
-async def _send(socket: web.WebSocketResponse, viewer: Viewer) -> None:
+async def _send(
+    socket: web.WebSocketResponse, viewer: Viewer, may_go_on: Callable[[], bool]
+) -> None:
     queue = viewer.queue
     try:
         while not socket.closed:
             await viewer.news.wait()
             viewer.news.clear()
+            if not may_go_on():
+                await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"logged out")
+                return
             while (note := queue.take_note()) is not None:
                 await socket.send_str(note)
             if (taken := queue.take_frame()) is not None:
@@ -284,13 +293,8 @@ async def _send(socket: web.WebSocketResponse, viewer: Viewer) -> None:
         return
 
 
-async def _receive(
-    socket: web.WebSocketResponse, viewer: Viewer, may_go_on: Callable[[], bool]
-) -> None:
+async def _receive(socket: web.WebSocketResponse, viewer: Viewer) -> None:
     async for message in socket:
-        if not may_go_on():
-            await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"logged out")
-            return
         try:
             if message.type is not WSMsgType.TEXT:
                 raise BadRequestError('viewers send {"ack": number} and nothing else')

@@ -147,7 +147,10 @@ ELSEWHERE = {
          "heel security add security anna --role operate",
          "heel security add security ben --role watch",
          "heel security add security gpu-detector --role detector",
-         "heel security remove security ben", "heel security renew security"),
+         "heel security remove security ben", "heel security renew security",
+         "heel security login security anna --role operate --password-file password",
+         "heel security login security ben --role watch --password-file password",
+         "heel security login security ben --role nobody"),
         "tests/unit/commands/test_security_command.py::"
         "test_the_commands_of_the_page_make_a_folder_and_change_who_is_in_it",
     ),
@@ -170,6 +173,10 @@ ELSEWHERE = {
         _RECORDING + "test_the_last_seconds_become_a_file_when_they_are_asked_for",
     "heel replay recording.mcap": "tests/unit/commands/test_replay.py::"
         "test_messages_are_due_as_they_came_and_faster_by_a_factor",
+    "heel web --config-file security/web.json5 --host 0.0.0.0 --users-file security/page-users "
+    "--certificate security/page.pem &":
+        "tests/integration/test_web_login.py::"
+        "test_without_a_login_there_is_the_login_and_nothing_else",
     "docker compose build": _DOCKER,
     "docker compose up -d": _DOCKER,
     "docker compose ps": _DOCKER,
@@ -212,6 +219,9 @@ NOT_RUN = {
         "recordings, and networks that Heel does not ship",
     "python -m tools.wheels --write docs/records/wheels.md":
         "asks the package index; tests/unit/models/test_real_index.py does it when asked",
+    "sudo chown 10001 security/*.json5 security/page.pem security/page-users": "needs another user",
+    "HEEL_PUBLISH=0.0.0.0 docker compose -f docker-compose.yml -f docker-compose.secure.yml up -d":
+        "listens on the whole network; tests/unit/security/test_compose.py reads the files",
     "docker compose --profile demo build": "tests/docker/conftest.py builds the same image",
     "docker buildx bake -f docker-bake.hcl": "the same Dockerfile as `docker compose build`",
     "docker buildx create --use": "changes the developer's Docker",

@@ -26,12 +26,13 @@ def test_the_commands_of_the_page_make_a_folder_and_change_who_is_in_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    Path("password").write_text("correct horse\n")
     said = {
         command: typed(*command.split()[1:])
         for block in blocks("sh", "docs/guides/security.md") for command in block.commands
         if command.startswith("heel security ")
     }  # fmt: skip
-    assert len(said) == 7
+    assert len(said) == 10
     made = said["heel security init security --host robot.local"]
     assert "heel router --config-file security/router.json5" in made
     assert "in 730 days" in made
@@ -39,6 +40,14 @@ def test_the_commands_of_the_page_make_a_folder_and_change_who_is_in_it(
     assert "anna          operate: look at everything, choose, stop and release" in shown
     assert "gpu-detector  detector: find people in pictures" in shown
     assert "ben" not in shown
+    assert (
+        "role watch"
+        in said["heel security login security ben --role watch --password-file password"]
+    )
+    accounts = Path("security/page-users").read_text().splitlines()
+    assert [line.rpartition(":scrypt$")[0] for line in accounts] == [
+        "operator:operate", "anna:operate",
+    ]  # fmt: skip
 
 
 def test_what_cannot_be_done_is_said_in_one_line(tmp_path: Path) -> None:

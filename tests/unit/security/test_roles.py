@@ -30,7 +30,17 @@ SENDERS = {
     "drive": {"drive"},
     "truth": {"simulator"},
     "world": {"simulator"},
-    "health": {"capture", "detector", "tracker", "follower", "drive", "sensor", "simulator", "web"},
+    "health": {
+        "capture",
+        "detector",
+        "tracker",
+        "follower",
+        "drive",
+        "sensor",
+        "simulator",
+        "web",
+        "recorder",
+    },
 }
 """Of every topic."""
 

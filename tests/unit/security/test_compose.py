@@ -1,0 +1,45 @@
+"""`docker-compose.secure.yml`: every container of the robot gets its own key, and no other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from heel.services.security.roles import ROLES
+from tests.support.processes import REPOSITORY
+
+
+def services(name: str) -> dict[str, Any]:
+    text = (REPOSITORY / name).read_text(encoding="utf-8")
+    found: dict[str, Any] = yaml.safe_load(text)["services"]
+    return found
+
+
+def keys_of(service: dict[str, Any]) -> list[str]:
+    mounts = [one.rpartition("/security}")[2] for one in service["volumes"]]
+    return [one.split(":")[0].removeprefix("/") for one in mounts]
+
+
+def test_every_container_has_the_file_of_its_role_and_no_other_secret() -> None:
+    plain, secure = services("docker-compose.yml"), services("docker-compose.secure.yml")
+    assert secure.keys() == plain.keys()
+    for name, service in secure.items():
+        command = plain[name]["command"][0]
+        assert command in {*ROLES, "router"}
+        page = ["page-users", "page.pem"] if command == "web" else []
+        assert keys_of(service) == [f"{command}.json5", *page], name
+        assert all(one.endswith(":ro") for one in service["volumes"])
+
+
+def test_nothing_says_insecure_and_everything_goes_over_tls() -> None:
+    plain, secure = services("docker-compose.yml"), services("docker-compose.secure.yml")
+    for name, service in secure.items():
+        command = service.get("command", plain[name]["command"])
+        assert "--insecure" not in command, name
+        if name != "router":
+            assert service["environment"]["HEEL_ZENOH__CONNECT"] == "tls/router:7447"
+            assert service["environment"]["HEEL_ZENOH__CONFIG_FILE"] == "/run/heel/member.json5"
+    assert "--users-file" in secure["web"]["command"]
+    assert "--certificate" in secure["web"]["command"]
+    assert "tls/127.0.0.1:7447" in secure["router"]["healthcheck"]["test"]
