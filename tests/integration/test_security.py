@@ -178,7 +178,7 @@ def test_a_router_that_is_not_ours_gets_no_client(bus: Bus, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", ["capture", "detector", "tracker", "follower", "drive", "sensor",
-                                  "simulator", "web", "recorder", "operator"])  # fmt: skip
+                                  "simulator", "ros2", "web", "recorder", "operator"])  # fmt: skip
 def test_no_role_sends_what_is_another_ones(bus: Bus, name: str) -> None:
     role = bus.made.members.roles[name]
     everything = [

@@ -223,6 +223,9 @@ def let_in(settings: WebServiceSettings) -> object:
 
 WEB: Table = {
     "insecure": Changes(True, answered, {"host": "0.0.0.0"}),
+    "users_file": ReadBy("web/service.py", "Login(settings.users_file)"),
+    "certificate": ReadBy("web/service.py", "tls_context(settings.certificate"),
+    "certificate_key": ReadBy("web/service.py", "settings.certificate_key)"),
     "host": Changes("127.0.0.3", answered),
     "port": Changes(9000, answered),
     "names": Changes("robot.local", answered),

@@ -12,10 +12,10 @@ from heel.services.security.roles import PEOPLE, ROLES, sent_by
 from heel.services.security.rules import access_control, size_limits
 
 SENDERS = {
-    "image": {"capture", "simulator"},
-    "jpeg": {"capture", "simulator"},
-    "taken": {"capture", "simulator"},
-    "info": {"capture", "simulator"},
+    "image": {"capture", "ros2", "simulator"},
+    "jpeg": {"capture", "ros2", "simulator"},
+    "taken": {"capture", "ros2", "simulator"},
+    "info": {"capture", "ros2", "simulator"},
     "blobs": {"detector", "simulator"},
     "tracks": {"tracker"},
     "events": {"tracker"},
@@ -24,9 +24,9 @@ SENDERS = {
     "state": {"follower"},
     "target": {"follower"},
     "pointed": {"follower"},
-    "estop": {"follower", "drive", "web", "operate"},
-    "odometry": {"drive", "simulator"},
-    "range": {"sensor", "simulator"},
+    "estop": {"follower", "drive", "ros2", "web", "operate"},
+    "odometry": {"drive", "ros2", "simulator"},
+    "range": {"ros2", "sensor", "simulator"},
     "drive": {"drive"},
     "truth": {"simulator"},
     "world": {"simulator"},
@@ -40,6 +40,7 @@ SENDERS = {
         "simulator",
         "web",
         "recorder",
+        "ros2",
     },
 }
 """Of every topic."""
