@@ -339,5 +339,43 @@ def test_a_stop_gets_through_while_members_flood(bus: Bus) -> None:
     assert {payload for _, payload in drive} == {b"open", encode(stop)}
 
 
+def test_by_password_the_same_rules_hold_without_tls(tmp_path: Path) -> None:
+    made = SecurityFolder.create(tmp_path / "keys", by="password")
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    router = RouterSettings(
+        config_file=made.file_of("router"), listen=(endpoint,), shared_memory=False
+    )
+
+    def config(name: str, **changes: object) -> zenoh.Config:
+        settings = ZenohSettings(
+            config_file=made.file_of(name), connect=(endpoint,), shared_memory=False
+        )
+        found = zenoh_config(settings)
+        for part, value in changes.items():
+            found.insert_json5(f"transport/auth/usrpwd/{part}", json.dumps(value))
+        return found
+
+    with open_router(router), ExitStack() as resources:
+        assert refused(config("follower", password="guess"))
+        assert refused(config("follower", user="nobody"))
+        drive, follower, detector = (
+            resources.enter_context(zenoh.open(config(name)))
+            for name in ("drive", "follower", "detector")
+        )
+        heard: list[bytes] = []
+        commands = drive.declare_subscriber(
+            keys.FOLLOW_COMMAND, lambda sample: heard.append(sample.payload.to_bytes())
+        )
+
+        def passes() -> bool:
+            detector.put(keys.FOLLOW_COMMAND, b"by the detector")
+            follower.put(keys.FOLLOW_COMMAND, b"by the follower")
+            return heard.count(b"by the follower") >= 3
+
+        wait_until(passes, "commands")
+        assert set(heard) == {b"by the follower"}
+        commands.undeclare()
+
+
 def test_every_role_is_attacked(bus: Bus) -> None:
     assert set(bus.made.members.roles.values()) == set(ROLES)

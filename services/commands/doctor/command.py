@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Annotated
 
 import typer
@@ -36,6 +36,7 @@ def doctor(
     where = gather.find(robot)
     machine = gather.look_at_machine(where)
     router, bus = gather.ask_robot(where)
+    router = replace(router, certificate_days=gather.certificate_days(where.zenoh.config_file))
     facts = Facts(
         router=router, machine=machine, bus=bus, model=gather.try_model(),
         camera=None if camera is None else gather.try_camera(camera), devices=gather.devices(),

@@ -20,6 +20,8 @@ class RouterFacts:
         user: that was given.
         reason: why no session was opened, in Zenoh's words.
         versions: of its software, by name; empty where it does not say.
+        certificate_days: that this command's own certificate is still valid; None: it has none, or
+            one that does not tell.
     """
 
     endpoint: str
@@ -29,6 +31,7 @@ class RouterFacts:
     user: str | None = None
     reason: str = ""
     versions: dict[str, str] = field(default_factory=dict)
+    certificate_days: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,8 @@ _FULL_SHARE = 0.9
 """Of shared memory, from which on services complain."""
 _LEAST_SHARED_BYTES = 64 << 20
 """Docker's usual size: a camera of 1080p takes 40 MB of pools, and what restarts as much again."""
+_SOON_DAYS = 30
+"""Days before its end from which on a certificate is told of; chosen by hand."""
 _BUSY_LOAD = 1.5
 """Processes that want a core, per core, from which on frames wait; chosen by hand."""
 _SLOW_SHARE = 0.7
@@ -49,6 +51,7 @@ _EXTRAS = {
     "sim": "heel demo and heel scenarios --pixels draw with it",
     "eval": "plots of heel eval",
     "metrics": "Prometheus reads services with it",
+    "secure": "heel security makes certificates with it",
 }
 """What each extra is for."""
 
@@ -72,7 +75,7 @@ class Finding:
 
 def findings(facts: Facts) -> list[Finding]:
     """Everything that was looked at, in the order in which it is put right."""
-    found = [_router(facts.router)]
+    found = [_router(facts.router), *_certificate(facts.router.certificate_days)]
     if facts.bus is not None:
         found += _bus(facts.bus, facts.machine.version)
     found += _shared_memory(facts.machine, facts.bus)
@@ -115,6 +118,20 @@ def _router(router: RouterFacts) -> Finding:
                        "start heel router there, with --listen beyond loopback")  # fmt: skip
     return Finding("note", about, f"nothing runs here: no heel demo, no heel run, no router at "
                    f"{where}", "heel demo")  # fmt: skip
+
+
+def _certificate(days: float | None) -> Iterator[Finding]:
+    if days is None:
+        return
+    about, remedy = "certificate", "heel security renew DIR, and start router and services again"
+    if days <= 0:
+        yield Finding("wrong", about, f"this one ended {-days:.0f} days ago: no router lets it in",
+                      remedy)  # fmt: skip
+    elif days < _SOON_DAYS:
+        yield Finding("note", about, f"this one ends in {days:.0f} days: nothing connects from "
+                      "then on", remedy)  # fmt: skip
+    else:
+        yield Finding("ok", about, f"valid for {days:.0f} days")
 
 
 def _bus(bus: BusFacts, version: str) -> Iterator[Finding]:

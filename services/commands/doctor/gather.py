@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import os
 import re
@@ -50,6 +51,7 @@ _EXTRAS = {
     "sim": ("panda3d",),
     "eval": ("matplotlib",),
     "metrics": ("prometheus_client",),
+    "secure": ("cryptography", "segno"),
 }
 _USUAL_ROUTER = "tcp/127.0.0.1:7447"
 _STAMPED = {"command": keys.FOLLOW_COMMAND, "drive": keys.ROBOT_DRIVE}
@@ -90,6 +92,19 @@ def ask_robot(where: Where) -> tuple[RouterFacts, BusFacts | None]:
     except HeelError as error:
         return RouterFacts(endpoint, named, answer, False, user, str(error)), None
     return RouterFacts(endpoint, named, answer, True, user, versions=versions), told
+
+
+def certificate_days(file: Path | None) -> float | None:
+    """How long the certificate in a Zenoh file of `heel security` is still valid, in days."""
+    import zenoh
+
+    if file is None:
+        return None
+    with suppress(zenoh.ZError, ValueError, TypeError, KeyError):
+        told = json.loads(zenoh.Config.from_file(str(file)).get_json("metadata"))
+        end = datetime.datetime.fromisoformat(told["heel"]["until"])
+        return (end - datetime.datetime.now(datetime.UTC)) / datetime.timedelta(days=1)
+    return None
 
 
 def _listen(bus: Listening) -> BusFacts:

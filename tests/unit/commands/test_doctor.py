@@ -174,3 +174,16 @@ def test_others_words_cannot_write_to_the_terminal() -> None:
     told = lines([Finding("wrong", "services", "x\x1b[2J\nok  all is well", "y\r")])
     assert len(told) == 2
     assert all(line.isprintable() for line in told)
+
+
+@pytest.mark.parametrize(
+    ("days", "level", "words"),
+    [(400.0, "ok", "valid for 400 days"), (12.0, "note", "ends in 12 days"),
+     (-3.0, "wrong", "ended 3 days ago")],
+)  # fmt: skip
+def test_a_certificate_that_ends_is_told_of_before_and_after(
+    days: float, level: str, words: str
+) -> None:
+    (found,) = about(replace(FACTS, router=replace(ROUTER, certificate_days=days)), "certificate")
+    assert (found.level, words in found.words) == (level, True)
+    assert ("heel security renew" in found.remedy) == (level != "ok")

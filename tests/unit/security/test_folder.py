@@ -12,6 +12,7 @@ import pytest
 import zenoh
 
 from heel.schemas.errors import SettingsError
+from heel.services.commands.doctor.gather import certificate_days
 from heel.services.runtime.router import RouterSettings, router_config
 from heel.services.runtime.session import zenoh_config
 from heel.services.runtime.settings import ZenohSettings
@@ -73,6 +74,18 @@ def test_services_and_router_take_their_addresses_from_the_files(made: SecurityF
     assert router.listen == ("tls/0.0.0.0:7447",)
     limits = json.loads(router_config(router).get_json("low_pass_filter"))
     assert {"size of command", "small-queries"} <= {one["id"] for one in limits}
+
+
+def test_the_doctor_reads_when_a_members_certificate_ends(
+    made: SecurityFolder, tmp_path: Path
+) -> None:
+    days = certificate_days(made.file_of("operator"))
+    assert days is not None
+    assert 729 < days <= 730
+    other = tmp_path / "zenoh.json5"
+    other.write_text('{metadata: {name: "x"}}')
+    assert certificate_days(other) is None
+    assert certificate_days(None) is None
 
 
 def test_the_page_has_a_certificate_of_the_robots_names(made: SecurityFolder) -> None:
