@@ -283,7 +283,10 @@ class _NotedDrive(Drive):
         super().__init__(settings)
         self._outputs = outputs
 
-    def take(self, command: MotionCommand, producer: str, now_s: float) -> bool:
+    def take(
+        self, command: MotionCommand, producer: str, now_s: float, line: str | None = None,
+        turn: int = 0,
+    ) -> bool:  # fmt: skip
         self._outputs.command(command)
         return super().take(command, producer, now_s)
 

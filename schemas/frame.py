@@ -77,13 +77,31 @@ class Stamp(Message):
     """
 
     schema_name: ClassVar[str] = "stamp"
-    max_bytes: ClassVar[int] = 512
+    max_bytes: ClassVar[int] = 768
 
     producer: Producer = Field(description="the process that computed the payload")
     t_sent_ns: TimeNs = Field(description="wall clock when sent; for display, never for safety")
     age_ns: AgeNs = Field(
         description="monotonic time since acquisition spent inside services, transit not counted"
     )
+    line: Producer | None = Field(
+        default=None,
+        description="the process whose work this one has taken over, by way of others perhaps, and "
+        "whose ids it goes on with; none: it began by itself",
+    )
+    turn: Count = Field(
+        default=0,
+        description="how often the line has been taken over: of two processes of one line the one "
+        "with the higher turn is believed, at once",
+    )
+    successor: Producer | None = Field(
+        default=None, description="who takes over from the next message on, by agreement"
+    )
+
+    @property
+    def origin(self) -> str:
+        """The first process of the line: the ids of tracks are those that it began with."""
+        return self.line or self.producer
 
 
 class Taken(Message):

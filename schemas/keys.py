@@ -112,6 +112,16 @@ def all_progress(camera: str) -> str:
     return f"cam/{chunk(camera, 'camera')}/progress/*"
 
 
+def snapshot(camera: str, service: str) -> str:
+    """Queryable that answers with the `Snapshot` of the process that works for a camera."""
+    return f"cam/{chunk(camera, 'camera')}/snapshot/{chunk(service, 'service')}"
+
+
+def handover(camera: str, service: str) -> str:
+    """Queryable that takes a `Handover` to another process that stands by."""
+    return f"cam/{chunk(camera, 'camera')}/handover/{chunk(service, 'service')}"
+
+
 def health(service: str, instance: str) -> str:
     """`Health`, four times a second."""
     return f"svc/{chunk(service, 'service')}/{chunk(instance, 'instance')}/health"

@@ -18,6 +18,7 @@ from heel.services.commands.schema import schema
 from heel.services.commands.security import app as security
 from heel.services.commands.status import status
 from heel.services.commands.stopping import resume, stop
+from heel.services.commands.swap import swap
 from heel.services.commands.systemd import systemd
 from heel.services.commands.top import top
 from heel.services.commands.track_detections import track_detections
@@ -38,7 +39,7 @@ def register_tools(app: typer.Typer) -> None:
     app.command(rich_help_panel=_TRY)(demo)
     app.command(rich_help_panel=_TRY)(run)
     app.add_typer(models, name="models", rich_help_panel=_TRY)
-    for command in (status, follow, stop, resume):
+    for command in (status, follow, stop, resume, swap):
         app.command(rich_help_panel=_ROBOT)(command)
     app.add_typer(security, name="security", rich_help_panel=_ROBOT)
     for command in (doctor, top, topics, hz, bw, echo, replay):

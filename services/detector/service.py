@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections import deque
+from contextlib import ExitStack
+from dataclasses import dataclass
 
 import cv2
 
@@ -22,22 +25,47 @@ from heel.services.detector.core import Detector
 from heel.services.detector.feedback import FeedbackBuffer
 from heel.services.detector.settings import DetectorServiceSettings
 from heel.services.runtime import qos
+from heel.services.runtime.chain import STANDBY
 from heel.services.runtime.inbox import Arrival
 from heel.services.runtime.service import ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
 from heel.services.runtime.streams import StreamJudge
+from heel.services.runtime.succession import Line, StandingBy, Succession
 
 _FEEDBACK_TIMEOUT_S = 2.0
 """Longest wait of a lossless run for the tracks of an earlier frame: a tracker takes milliseconds,
 one that has ended never answers."""
 _POLL_S = 0.2  # longest wait at once, so that a stop is noticed
+_TURN_S = 0.05
+"""Longest wait [s] of a detector that stands by before it looks whether to take over."""
+_MOST_UNANSWERED = 2
+"""Frames answered at the moment of taking over: older ones are of no use to anybody, as many wait
+at any receiver."""
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What is on a frame.
+
+    Attributes:
+        blobs: the answer.
+        sent_age_s: of the frame when it was sent.
+        arrived_s: monotonic time at which it came.
+    """
+
+    blobs: Blobs
+    sent_age_s: float
+    arrived_s: float
 
 
 class DetectorService:
     """Wires the detector core to its topics."""
 
-    def __init__(self, context: ServiceContext[DetectorServiceSettings]) -> None:
+    def __init__(
+        self, context: ServiceContext[DetectorServiceSettings], resources: ExitStack
+    ) -> None:
         self._context = context
+        self._unanswered: deque[_Found] = deque(maxlen=_MOST_UNANSWERED)
         self._settings = context.settings
         if context.settings.hint is not None:
             context.log.info("%s", context.settings.hint)
@@ -51,25 +79,106 @@ class DetectorService:
             # In a lossless run what is found depends on the pictures alone.
             context.inbox.subscribe("pointed", keys.FOLLOW_POINTED, qos.POINTED)
         self._out = context.publisher(keys.blobs(camera), qos.BLOBS)
+        self._others: StreamJudge | None = None
+        self._succession: Succession | None = None
+        if live:
+            self._succession = Succession(
+                context.session, self._out, keys.blobs(camera),
+                ("detector", camera, context.producer), resources, context.log,
+            )  # fmt: skip
 
     def run(self) -> None:
-        """Detect until the stream ends or the service is stopped."""
-        self._context.announce()
-        for arrival in self._context.arrivals(self._images, self._out):
-            header = self._images.header(arrival)
-            if header is None:
-                continue
-            with self._context.surviving("detecting"):
-                self._answer(arrival, header)
-
-    def _answer(self, arrival: Arrival, header: Header) -> None:
-        started_s = time.monotonic()
-        blobs = self._detect(arrival, header)
-        if blobs is None:
+        """Detect, or stand by, until the stream ends or the service is stopped."""
+        context, succession = self._context, self._succession
+        context.announce()
+        if succession is None:
+            self._lead()
             return
+        stands_by, line = context.settings.standby, None
+        while context.running:
+            if stands_by:
+                with ExitStack() as standing_by:
+                    line = self._stand_by(standing_by)
+                if not context.running:
+                    return
+            succession.lead(line, state=False, yields=context.settings.standby and line is None)
+            for blobs in self._unanswered:
+                self._send(blobs, time.monotonic())
+            self._unanswered.clear()
+            if self._lead():
+                return
+            succession.step_back()
+            stands_by = True
+
+    def _lead(self) -> bool:
+        """Detect until the service is to end (True), or another one sends from now on."""
+        context, succession = self._context, self._succession
+        goes_on = None if succession is None else self._may_send
+        for arrival in context.arrivals(self._images, self._out, goes_on):
+            with context.surviving("detecting"):
+                started_s = time.monotonic()
+                found = self._found(arrival)
+                if found is None:
+                    continue
+                if not self._may_send():
+                    return False
+                successor = None if succession is None else succession.successor()
+                self._send(found, started_s, successor)
+                if successor is not None:
+                    return False
+        return not context.running or self._may_send()
+
+    def _stand_by(self, resources: ExitStack) -> Line | None:
+        """Learn the same pictures until it is time to take over; the line to go on with."""
+        context, camera = self._context, self._context.settings.camera
+        if self._others is None:
+            self._others = context.subscribe("blobs", keys.blobs(camera), qos.BLOBS, False)
+        standing = StandingBy(context.session, context.producer, resources)
+        self._unanswered.clear()
+        ready = False
+        while context.running and not standing.is_due(self._oldest_s(), ready):
+            with context.surviving("standing by"):
+                for arrival in context.inbox.all_of(_TURN_S, "image", "blobs"):
+                    if arrival.encoding == EndOfStream.encoding():
+                        continue
+                    if arrival.topic == "blobs":
+                        other = self._others.message(arrival, Blobs)
+                        if other is not None:
+                            standing.hear(other.stamp, other.arrived_s)
+                            self._forget_answered(other.message)
+                    elif (found := self._found(arrival)) is not None:
+                        ready = found.blobs.background == "valid" or found.blobs.kind == "people"
+                        self._unanswered.append(found)
+            context.statistics.detail(STANDBY, standing.told(ready, "it learns the background"))
+        context.statistics.detail(STANDBY, None)
+        if context.running:
+            context.log.warning("%s: taking over", standing.why)
+        return standing.line
+
+    def _oldest_s(self) -> float | None:
+        return self._unanswered[0].arrived_s if self._unanswered else None
+
+    def _forget_answered(self, told: Blobs) -> None:
+        while self._unanswered:
+            own = self._unanswered[0].blobs
+            if own.epoch == told.epoch and own.seq > told.seq:
+                return
+            self._unanswered.popleft()
+
+    def _may_send(self) -> bool:
+        return self._succession is None or self._succession.may_send(self._context.stop.wait)
+
+    def _found(self, arrival: Arrival) -> _Found | None:
+        header = self._images.header(arrival)
+        blobs = None if header is None else self._detect(arrival, header)
+        if header is None or blobs is None:
+            return None
+        return _Found(blobs, header.age_ns * 1e-9, arrival.arrived_s)
+
+    def _send(self, found: _Found, started_s: float, successor: str | None = None) -> None:
         now_s = time.monotonic()
-        age_s = header.age_ns * 1e-9 + now_s - arrival.arrived_s
-        self._out.send(blobs, age_s)
+        age_s = found.sent_age_s + now_s - found.arrived_s
+        self._out.send(found.blobs, age_s, successor)
         self._context.statistics.output(now_s, now_s - started_s, age_s)
 
     def _detect(self, arrival: Arrival, header: Header) -> Blobs | None:
@@ -146,8 +255,14 @@ class DetectorService:
             self._feedback.add(received.message)
 
 
+def serve(context: ServiceContext[DetectorServiceSettings]) -> None:
+    """Detect until the stream ends or the service is stopped."""
+    with ExitStack() as resources:
+        DetectorService(context, resources).run()
+
+
 def run(loaded: Loaded[DetectorServiceSettings]) -> int:
     """Run the detector process; returns its exit code."""
     # Four processes share the cores already: threads inside OpenCV only take turns.
     cv2.setNumThreads(1)
-    return run_service("detector", loaded, lambda context: DetectorService(context).run())
+    return run_service("detector", loaded, serve)

@@ -11,7 +11,7 @@ from heel.schemas.errors import SettingsError
 from heel.services.detector.interface import checked_options
 from heel.services.models.store import ModelFile, with_network_there
 from heel.services.networks.names import EngineName, HeadName
-from heel.services.runtime.settings import ServiceSettings, split_list
+from heel.services.runtime.settings import ServiceSettings, StandbySettings, split_list
 
 Preset = Literal["default", "paper"]
 Method = Literal["auto", "mixture", "ego", "mog2", "onnx"]
@@ -242,7 +242,7 @@ def with_network(data: Mapping[str, Any]) -> dict[str, Any]:
     return with_network_there(given, given.get("detector", "auto"))
 
 
-class NamedDetectorSettings(ServiceSettings, DetectorSettings):
+class NamedDetectorSettings(ServiceSettings, StandbySettings, DetectorSettings):
     """Settings of the detector process with a network only if one is named, for what is scored."""
 
 

@@ -49,17 +49,22 @@ class Drive:
         self._linear_mps = self._angular_radps = 0.0
         self._seq = 0
 
-    def take(self, command: MotionCommand, producer: str, now_s: float) -> bool:
+    def take(
+        self, command: MotionCommand, producer: str, now_s: float, line: str | None = None,
+        turn: int = 0,
+    ) -> bool:  # fmt: skip
         """Take a command that has just arrived; False if it is not to be obeyed.
 
         Args:
             command: as decoded, so all its numbers are finite.
             producer: its sender. One producer is obeyed until it has been silent.
             now_s: monotonic time of its arrival.
+            line: the first of those that the sender has taken over from, if any.
+            turn: how often that line has been taken over.
         """
         self.refusal = ""
         new = not self._numbers.was_there(producer, command.seq)
-        if not self._gate.accepts(producer, now_s, new):
+        if not self._gate.accepts(producer, now_s, new, line, turn):
             return False
         if self._has_hung(now_s) or now_s < self._deaf_until_s:
             return False

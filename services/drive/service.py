@@ -164,7 +164,8 @@ class DriveService:
         if received is None:
             return False
         command = received.message
-        taken = self._drive.take(command, received.stamp.producer, arrival.arrived_s)
+        stamp = received.stamp
+        taken = self._drive.take(command, stamp.producer, arrival.arrived_s, stamp.line, stamp.turn)
         self._commands.report_rivals(arrival)
         if taken or self._drive.refusal:
             self._commands.report_refusal(arrival, self._drive.refusal)

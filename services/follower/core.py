@@ -64,7 +64,7 @@ class Follower:
     that is gone stays chosen until another one is chosen.
     """
 
-    def __init__(self, settings: FollowerSettings) -> None:
+    def __init__(self, settings: FollowerSettings, first_seq: int = 0) -> None:
         self.settings = settings
         self._controller = VelocityController(settings)
         self._people = People(settings.person_height_m, math.radians(settings.horizontal_fov_deg))
@@ -86,11 +86,16 @@ class Follower:
         self._name: FollowStateName = "idle"
         self._since_s = 0.0
         self._now_s: float | None = None
-        self._seq = 0
+        self._seq = first_seq
         self.state = FollowState(
             seq=0, state="idle", reason="started", estop=False, target=self.target,
             linear_mps=0.0, angular_radps=0.0,
         )  # fmt: skip
+
+    @property
+    def next_seq(self) -> int:
+        """Number of the next command."""
+        return self._seq
 
     @property
     def target(self) -> Target:

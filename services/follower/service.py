@@ -40,9 +40,10 @@ from heel.services.follower.frame_times import FrameTimes
 from heel.services.follower.kept import TargetFile
 from heel.services.follower.sensors import Sensor
 from heel.services.follower.settings import FollowerServiceSettings
+from heel.services.follower.standby import Heard, StandbyFollower
 from heel.services.runtime import places, qos
 from heel.services.runtime.clock import monotonic_clock
-from heel.services.runtime.inbox import Arrival
+from heel.services.runtime.inbox import Arrival, Inbox
 from heel.services.runtime.latched import LatchedQuery, latched_values
 from heel.services.runtime.logs import StateLog
 from heel.services.runtime.publishing import Latched
@@ -50,6 +51,7 @@ from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_servi
 from heel.services.runtime.settings import Loaded
 from heel.services.runtime.stop_keeper import StopKeeper
 from heel.services.runtime.streams import Received, StreamJudge
+from heel.services.runtime.succession import Succession
 
 _STOP_REPEATS = 5
 """Zero commands sent on the way out, so that one lost message cannot keep a robot rolling."""
@@ -66,10 +68,22 @@ class FollowerService:
     """Wires the follower core to its topics; the core is guarded by one lock."""
 
     def __init__(
-        self, context: ServiceContext[FollowerServiceSettings], resources: ExitStack
-    ) -> None:
+        self, context: ServiceContext[FollowerServiceSettings], resources: ExitStack,
+        heard: Heard | None = None, first_seq: int = 0,
+    ) -> None:  # fmt: skip
+        """Declare everything.
+
+        Args:
+            context: of the process.
+            resources: end what is declared.
+            heard: what the follower before has left, where this one takes over from it.
+            first_seq: number of the first command: those of one process go up.
+        """
         self._context = context
-        self._follower = Follower(context.settings)
+        self._follower = Follower(context.settings, first_seq)
+        self._heard = heard
+        self.over = False
+        """Whether the stream has ended, and the process with it."""
         self._lock = threading.Lock()
         self._times = FrameTimes(monotonic_clock())
         self._infos = CameraInfos(context.settings.camera)
@@ -95,6 +109,13 @@ class FollowerService:
         self._note = self._target_file()
         self._out = context.publisher(keys.FOLLOW_COMMAND, qos.COMMAND)
         context.watch_for_twin(keys.FOLLOW_COMMAND, resources)
+        self._succession: Succession | None = None
+        if self._live:
+            self._succession = Succession(
+                session, self._out, keys.FOLLOW_COMMAND, ("follower", camera, context.producer),
+                resources, context.log,
+            )  # fmt: skip
+            self._succession.lead(None if heard is None else heard.line, state=False)
         self._state = resources.enter_context(
             Latched(session, keys.FOLLOW_STATE, qos.STATE.for_delivery(context.settings.delivery))
         )
@@ -110,17 +131,30 @@ class FollowerService:
         queryable = session.declare_queryable(keys.FOLLOW_TARGET, self._answer)
         resources.callback(queryable.undeclare)
 
+    @property
+    def next_seq(self) -> int:
+        """Number of the next command of this process."""
+        return self._follower.next_seq
+
     def run(self) -> None:
-        """Publish commands until the stream ends or the service is stopped, then zeros."""
+        """Publish commands until the stream ends, the service is stopped or another one sends.
+
+        The last ones are zeros, unless another one sends already.
+        """
         self._catch_up()
         self._context.announce()
+        successor = None
         try:
             if self._live:
-                self._run_by_timer()
+                successor = self._run_by_timer()
             else:
                 self._run_by_stream()
         finally:
-            self._stop_robot()
+            if self._may_send():
+                self._stop_robot(successor)
+
+    def _may_send(self) -> bool:
+        return self._succession is None or self._succession.may_send(self._context.stop.wait)
 
     def _run_by_stream(self) -> None:
         for arrival in self._context.arrivals(self._tracks, self._out):
@@ -130,12 +164,18 @@ class FollowerService:
             if self._observe(arrival) and self._newest is not None:
                 self._publish(self._newest.message.t_capture_ns * 1e-9, 0.0)
 
-    def _run_by_timer(self) -> None:
+    def _run_by_timer(self) -> str | None:
+        """Until the end, or until a successor is named: that one."""
         period_s = 1.0 / self._context.settings.rate_hz
         due_s = time.monotonic()
         while self._context.running:
             now_s = time.monotonic()
             if now_s >= due_s:
+                if not self._may_send():
+                    return None
+                if self._succession is not None and (named := self._succession.successor()):
+                    return named
+                now_s = time.monotonic()
                 age_s = None if self._newest is None else self._newest.age_s(now_s)
                 self._publish(now_s, age_s)
                 self._stop.save()
@@ -160,7 +200,9 @@ class FollowerService:
                 if self._context.settings.exit_at_end:
                     self._out.end(end)
                     self._context.linger()
-                    return
+                    self.over = True
+                    return None
+        return None
 
     def _observe(self, arrival: Arrival) -> bool:
         received = self._tracks.message(arrival, Tracks)
@@ -171,7 +213,7 @@ class FollowerService:
         self._context.statistics.input(arrival.arrived_s)
         self._use_camera_of(received.message.epoch)
         with self._context.surviving("taking tracks"), self._lock:
-            self._follower.observe(received.message, received.stamp.producer)
+            self._follower.observe(received.message, received.stamp.origin)
             self._newest = received
         return True
 
@@ -336,7 +378,10 @@ class FollowerService:
         """A follower that restarts must forget neither a stop nor the person chosen."""
         self._stop.catch_up()
         self._ask_camera()
-        if self._note is not None and (kept := self._note.load()) is not None:
+        if self._heard is not None:
+            if self._heard.kept is not None:
+                self._follower.restore(self._heard.kept)
+        elif self._note is not None and (kept := self._note.load()) is not None:
             self._follower.restore(kept)
 
     def _target_file(self) -> TargetFile | None:
@@ -387,7 +432,7 @@ class FollowerService:
             self._pointed_out.put(encode(pointed), encoding=pointed.encoding())
         return target
 
-    def _stop_robot(self) -> None:
+    def _stop_robot(self, successor: str | None) -> None:
         """Zero velocity on every way out; the robot's own watchdog covers the rest."""
         with self._lock:
             self._follower.set_estop(True)
@@ -395,8 +440,8 @@ class FollowerService:
         command = command.model_copy(update={"reason": "the follower ends"})
         assert isinstance(command, MotionCommand)
         if self._live:
-            for _ in range(_STOP_REPEATS):
-                self._out.send(command, 0.0)
+            for left in reversed(range(_STOP_REPEATS)):
+                self._out.send(command, 0.0, None if left else successor)
 
 
 def _measured_s(received: Received[M]) -> float:
@@ -405,9 +450,24 @@ def _measured_s(received: Received[M]) -> float:
 
 
 def serve(context: ServiceContext[FollowerServiceSettings]) -> None:
-    """Follow until the stream ends or the service is stopped."""
-    with ExitStack() as resources:
-        FollowerService(context, resources).run()
+    """Follow, or stand by, until the stream ends or the service is stopped."""
+    live = context.settings.delivery == "live"
+    stands_by, heard, next_seq = context.settings.standby and live, None, 0
+    while True:
+        # Either part has subscriptions of its own.
+        if stands_by:
+            context.announce()
+            with ExitStack() as resources, Inbox(context.session) as inbox:
+                heard = StandbyFollower(context, inbox).wait(resources)
+            if not context.running:
+                return
+        with ExitStack() as resources:
+            own = replace(context, inbox=resources.enter_context(Inbox(context.session)))
+            service = FollowerService(own, resources, heard, next_seq)
+            service.run()
+            next_seq, stands_by = service.next_seq, True
+        if not live or service.over or not context.running:
+            return
 
 
 def run(loaded: Loaded[FollowerServiceSettings]) -> int:

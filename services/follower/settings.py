@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from heel.services.runtime.settings import ServiceSettings, StrictSettings
+from heel.services.runtime.settings import ServiceSettings, StandbySettings, StrictSettings
 
 
 class FollowerSettings(StrictSettings):
@@ -239,5 +239,5 @@ class FollowerSettings(StrictSettings):
         return self
 
 
-class FollowerServiceSettings(ServiceSettings, FollowerSettings):
+class FollowerServiceSettings(ServiceSettings, StandbySettings, FollowerSettings):
     """Settings of the follower process."""

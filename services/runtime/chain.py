@@ -19,6 +19,8 @@ CHAIN = ("capture", "detector", "tracker", "follower", "drive")
 CAMERA, PERCEPTION, MISSING, WITHHELD = "camera", "perception", "missing", "withheld"
 """Details of a service's health: the camera that it works for; what stands in for the detector;
 which parts of the chain it has seen going; why people that may be in sight are not shown."""
+STANDBY = "standby"
+"""Another one: that it sends nothing, and waits to take over from the one that does."""
 _PER_CAMERA = ("capture", "detector", "tracker")
 _ONE_AT_A_TIME = (*CHAIN, "simulator", "ros2")
 _KNOWN = (*_ONE_AT_A_TIME, "web", "recorder")
@@ -60,6 +62,11 @@ class Part:
     def limit_s(self) -> float:
         """Silence beyond this is no coincidence."""
         return BEATS_MISSED * min(self.health.period_s, _SLOWEST_BEAT_S)
+
+    @property
+    def stands_by(self) -> bool:
+        """Whether it sends nothing, and waits to take over from the one that does."""
+        return STANDBY in self.health.details
 
     @property
     def role(self) -> tuple[str, str]:
@@ -164,9 +171,12 @@ class ChainWatch:
         service = role[0]
         if service not in _KNOWN:
             return []
-        parts = [part for part in self.parts.values() if part.role == role]
-        if not parts:
+        filled = [part for part in self.parts.values() if part.role == role]
+        parts = [part for part in filled if not part.stands_by]
+        if not filled:
             return self._of_mute(service, now_s)
+        if not parts:
+            return []
         live = [part for part in parts if self.state(part, now_s) == "ok"]
         if service in _ONE_AT_A_TIME and len(live) > 1 and _overlap(live):
             names = ", ".join(sorted(part.health.producer for part in live))

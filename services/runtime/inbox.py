@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import zenoh
@@ -191,6 +191,12 @@ class Inbox:
                 remaining_s = deadline_s - time.monotonic()
                 if remaining_s <= 0 or not self._ready.wait(remaining_s):
                     return None
+
+    def all_of(self, timeout_s: float, *topics: str) -> Iterator[Arrival]:
+        """What waits, the oldest first, or what comes within `timeout_s`; arguments as of `get`."""
+        while (arrival := self.get(timeout_s, *topics)) is not None:
+            timeout_s = 0.0
+            yield arrival
 
     def latest(self, topic: str) -> Arrival | None:
         """Take the newest message of one topic and forget the older ones."""

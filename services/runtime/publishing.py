@@ -21,6 +21,10 @@ class StreamPublisher:
     ) -> None:
         qos = qos.for_delivery(delivery)
         self._producer = producer
+        self.line: str | None = None
+        """Of the process that this one has taken over from, if any; see `Stamp`."""
+        self.turn = 0
+        """How often that line has been taken over."""
         self._publisher = session.declare_publisher(
             key,
             priority=qos.priority,
@@ -35,10 +39,19 @@ class StreamPublisher:
             express=qos.express,
         )
 
-    def send(self, message: Message, age_s: float) -> None:
-        """Send a message about a frame that is `age_s` old by now."""
+    def send(self, message: Message, age_s: float, successor: str | None = None) -> None:
+        """Send a message about a frame that is `age_s` old by now.
+
+        Args:
+            message: to be sent.
+            age_s: of its frame.
+            successor: who sends from the next message on.
+        """
         age_ns = min(max(0, round(age_s * 1e9)), MAX_AGE_NS)
-        stamp = Stamp(producer=self._producer, t_sent_ns=time.time_ns(), age_ns=age_ns)
+        stamp = Stamp(
+            producer=self._producer, t_sent_ns=time.time_ns(), age_ns=age_ns, line=self.line,
+            turn=self.turn, successor=successor,
+        )  # fmt: skip
         self.send_bytes(encode(message), message.encoding(), encode(stamp))
 
     def send_bytes(self, payload: bytes | ZShmMut, encoding: str, attachment: bytes) -> None:

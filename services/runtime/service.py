@@ -76,7 +76,8 @@ class ServiceContext(Generic[S]):
     """Whether large messages are to go through shared memory."""
     stop: threading.Event
     announce: Callable[[], None]
-    """Call once subscriptions are declared: from then on the service counts as present."""
+    """Call once subscriptions are declared: from then on the service counts as present. More calls
+    change nothing."""
     robot: str
     """Name of the robot in files of this host."""
     notifier: Notifier
@@ -123,12 +124,20 @@ class ServiceContext(Generic[S]):
             self.statistics.input_topic = IMAGE_TOPIC
         return StreamJudge(IMAGE_TOPIC, qos, self.statistics, self.warn)
 
-    def arrivals(self, judge: StreamJudge, out: StreamPublisher | None = None) -> Iterator[Arrival]:
+    def arrivals(
+        self, judge: StreamJudge, out: StreamPublisher | None = None,
+        goes_on: Callable[[], bool] | None = None,
+    ) -> Iterator[Arrival]:  # fmt: skip
         """Messages of one stream until the service is to end.
 
         The end of the stream is passed on to `out`, after everything that came before it.
+
+        Args:
+            judge: of the stream.
+            out: the service's own stream.
+            goes_on: asked in every turn, whether there is a message or not; False ends it.
         """
-        while self.running:
+        while self.running and (goes_on is None or goes_on()):
             arrival = self.inbox.get(LOOP_WAIT_S, judge.topic)
             if arrival is not None and arrival.encoding != EndOfStream.encoding():
                 yield arrival
@@ -264,7 +273,12 @@ def _serve(
             stack.enter_context(serving_metrics(settings.metrics_port, lambda: health.newest))
         inbox = stack.enter_context(Inbox(session))
 
+        announced = threading.Event()
+
         def announce() -> None:
+            if announced.is_set():
+                return
+            announced.set()
             process.spare_from_collection()
             token = session.liveliness().declare_token(keys.alive(name, settings.instance))
             stack.callback(token.undeclare)

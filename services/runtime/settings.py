@@ -224,6 +224,16 @@ class ServiceSettings(StrictSettings):
     )
 
 
+class StandbySettings(BaseModel):
+    """Of a process that another one may take over from."""
+
+    standby: bool = Field(
+        default=False,
+        description="live: send nothing, work along with the one that does, and take over from it "
+        "when it ends, hangs or is told to by `heel swap`",
+    )
+
+
 S = TypeVar("S", bound=BaseModel)
 
 

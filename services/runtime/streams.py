@@ -64,20 +64,31 @@ class ProducerGate:
         self._last_s = 0.0
         self._former: tuple[str, float] | None = None
         """The producer that may get the stream back, and when it was left."""
+        self._line: tuple[str | None, int] = None, 0
+        """Of the present producer, and its turn."""
         self._returned_s: deque[float] = deque([-math.inf] * _MOST_RETURNS, maxlen=_MOST_RETURNS)
         self._rivals: dict[str, float] = {}
 
-    def accepts(self, producer: str, now_s: float, new: bool = True) -> bool:
+    def accepts(
+        self, producer: str, now_s: float, new: bool = True, line: str | None = None,
+        turn: int = 0,
+    ) -> bool:  # fmt: skip
         """Whether a message of this producer is to be used.
 
         Args:
             producer: its sender.
             now_s: monotonic time of its arrival.
             new: whether it was not there before: no old one gets its producer the stream back.
+            line: the first of those that the sender has taken over from, if any.
+            turn: how often that line has been taken over: one that has taken over from the present
+                producer is believed at once.
         """
-        if self.would_accept(producer, now_s, new):
+        own = line or producer, turn
+        takes_over = own[0] == self._line[0] and turn > self._line[1]
+        if takes_over or self.would_accept(producer, now_s, new):
             if producer != self.current:
-                self._replace(producer, now_s)
+                self._replace(producer, own[0], now_s)
+            self._line = own
             self._last_s = now_s
             self._rivals.pop(producer, None)
             return True
@@ -102,9 +113,12 @@ class ProducerGate:
         name, left_s = self._former
         return name if now_s - left_s < FORMER_S else None
 
-    def _replace(self, producer: str, now_s: float) -> None:
+    def _replace(self, producer: str, line: str, now_s: float) -> None:
         elder = self._elder(now_s)
-        if producer == elder:
+        if line == self._line[0]:
+            # It goes on where the other one was: held up or not, that one is behind by now.
+            self._former = None
+        elif producer == elder:
             # It stays the elder: a stand-in does not get the stream back from it.
             self._former = None
             self._returned_s.append(now_s)
@@ -249,7 +263,7 @@ class StreamJudge:
         line = _line_of(message, stamp.producer) if judged else None
         if line is not None:
             seq: int = message.seq  # type: ignore[attr-defined]
-            if not self._current(stamp.producer, line, seq, arrival):
+            if not self._current(stamp.producer, line, seq, arrival, stamp):
                 return None
         return Received(message, stamp, arrival.arrived_s)
 
@@ -273,10 +287,13 @@ class StreamJudge:
         if self.primary and arrival.size >= SHARED_MEMORY_MIN_BYTES:
             self.statistics.shared_memory = arrival.by_shared_memory
 
-    def _current(self, producer: str, line: Name, seq: int, arrival: Arrival) -> bool:
+    def _current(
+        self, producer: str, line: Name, seq: int, arrival: Arrival, stamp: Stamp | None = None
+    ) -> bool:
         before = self.gate.current
         new = not self.watch.was_there(line, seq)
-        accepted = self.gate.accepts(producer, arrival.arrived_s, new)
+        began, turn = (None, 0) if stamp is None else (stamp.line, stamp.turn)
+        accepted = self.gate.accepts(producer, arrival.arrived_s, new, began, turn)
         self.report_rivals(arrival)
         if not accepted:
             return False

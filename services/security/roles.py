@@ -69,7 +69,7 @@ ROLES: dict[str, Access] = {
         sends=(keys.FOLLOW_COMMAND, keys.FOLLOW_STATE, keys.FOLLOW_TARGET, keys.FOLLOW_POINTED,
                keys.FOLLOW_ESTOP),
         hears=(keys.ALL_TRACKS, _INFO, keys.TOPICS["taken"], keys.ROBOT_RANGE, keys.ROBOT_ODOMETRY,
-               keys.FOLLOW_ESTOP, keys.FOLLOW_COMMAND),
+               keys.FOLLOW_ESTOP, keys.FOLLOW_COMMAND, keys.FOLLOW_STATE),
         answers=(keys.FOLLOW_TARGET, keys.FOLLOW_STATE, keys.FOLLOW_ESTOP,
                  *_succession("follower")),
         asks=(_INFO, keys.FOLLOW_TARGET, keys.FOLLOW_STATE, keys.FOLLOW_ESTOP,
@@ -117,7 +117,8 @@ ROLES: dict[str, Access] = {
         "look at everything, choose, stop and release",
         sends=(keys.FOLLOW_ESTOP,),
         hears=_SEEN,
-        asks=(*_LOOKING.asks, keys.FOLLOW_TARGET, keys.FOLLOW_ESTOP, keys.ALL_SAVE),
+        asks=(*_LOOKING.asks, keys.FOLLOW_TARGET, keys.FOLLOW_ESTOP, keys.ALL_SAVE,
+              "cam/*/handover/*"),
         service=False,
     ),
 }  # fmt: skip

@@ -25,6 +25,9 @@ from heel.services.tracker.trace import Changes, Event, Trace
 _log = logging.getLogger(__name__)
 
 Method = BlobTracker | EvidenceTracker | DetectedPeople | SoughtTracker
+_IDS_APART = 100
+"""Ids left out at least after an interruption: in the second or two between a state that was kept
+and a crash a camera sees far fewer newcomers; chosen by hand."""
 _NAMES: dict[type, Literal["evidence", "paper", "boxes", "pointed-at"]] = {
     BlobTracker: "paper", EvidenceTracker: "evidence", DetectedPeople: "boxes",
     SoughtTracker: "pointed-at",
@@ -170,6 +173,20 @@ class Tracker:
         self._scene, self._evidence_size = state.scene, state.evidence_size
         self._first_ns, self._clock, self._changes = state.first_ns, state.clock, state.changes
         self._method = state.method
+
+    def interrupt(self) -> None:
+        """Time has passed that no frame tells of: everybody has to be re-identified.
+
+        Nor is it known which ids were given out meanwhile: the next ones are from far above.
+        """
+        method = self._method
+        if method is None or isinstance(method, BlobTracker):
+            return
+        fresh_id = (method.next_id // _IDS_APART + 2) * _IDS_APART + 1
+        if isinstance(method, SoughtTracker):
+            method.next_id = fresh_id
+        else:
+            method.interrupt(fresh_id)
 
     def _fingerprint(self) -> str:
         """What tells the settings that people rest on from others."""

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from heel.schemas.errors import SettingsError
-from heel.services.runtime.settings import ServiceSettings
+from heel.services.runtime.settings import ServiceSettings, StandbySettings
 
 Preset = Literal["default", "paper"]
 Seconds = Annotated[float, Field(ge=0, le=60)]
@@ -139,7 +139,7 @@ class TrackerSettings(BaseModel):
             )
 
 
-class TrackerServiceSettings(ServiceSettings, TrackerSettings):
+class TrackerServiceSettings(ServiceSettings, StandbySettings, TrackerSettings):
     """Settings of the tracker process."""
 
     trace: Path | None = Field(

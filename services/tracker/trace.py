@@ -98,12 +98,17 @@ class Trace:
         """Start with these sinks, or none."""
         self._sinks = list(sinks)
         self._frame, self._t_s = 0, 0.0
+        self._paused = False
         self.explained: set[int] = set()
 
     @property
     def on(self) -> bool:
         """Whether anybody listens."""
         return bool(self._sinks)
+
+    def pause(self, paused: bool) -> None:
+        """Pass nothing on for a while, or go on: what another tracker tells is not told twice."""
+        self._paused = paused
 
     def add(self, sink: Sink) -> None:
         """Pass events on to one more sink."""
@@ -117,6 +122,8 @@ class Trace:
         """Pass an event on."""
         if event.kind in ("given up", "re-identified", "assigned"):
             self.explained |= {event.id, event.other}
+        if self._paused:
+            return
         stamped = replace(event, frame=self._frame, t_s=self._t_s)
         for sink in self._sinks:
             sink(stamped)

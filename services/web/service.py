@@ -172,7 +172,7 @@ class WebService:
                 case "events" if arrival.encoding != EndOfStream.encoding():
                     event = decode(TrackEvent, arrival.payload, arrival.encoding)
                     stamp = decode(Stamp, arrival.attachment or b"")
-                    self._board.event(event, stamp.producer, arrival.arrived_s)
+                    self._board.event(event, stamp.origin, arrival.arrived_s)
                 case "drive":
                     drive = decode(DriveState, arrival.payload, arrival.encoding)
                     self._board.drive(drive, arrival.arrived_s)
@@ -216,7 +216,7 @@ class WebService:
         received = self._tracks.message(arrival, Tracks)
         if received is not None:
             self._board.tracks(arrival.arrived_s)
-            self._show(self._joiner.add_tracks(received.message, received.stamp.producer))
+            self._show(self._joiner.add_tracks(received.message, received.stamp.origin))
 
     def _take_state(self, state: FollowState) -> None:
         self._board.follower = state

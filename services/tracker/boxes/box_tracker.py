@@ -41,6 +41,10 @@ class BoxTracker:
         """Why people are not shown, see `PeopleTracker.withheld`."""
         return self._people.withheld
 
+    def interrupt(self, next_id: int) -> None:
+        """As `PeopleTracker.interrupt`."""
+        self._people.interrupt(next_id)
+
     def update(
         self,
         boxes: FloatArray,

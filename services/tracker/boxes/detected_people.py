@@ -47,6 +47,10 @@ class DetectedPeople:
         """Why people are not shown, see `PeopleTracker.withheld`."""
         return self._tracker.withheld
 
+    def interrupt(self, next_id: int) -> None:
+        """As `PeopleTracker.interrupt`."""
+        self._tracker.interrupt(next_id)
+
     def update(self, blobs: Blobs, dt_s: float) -> list[Track]:
         """Take one frame; all confirmed tracks that are not lost, by id.
 

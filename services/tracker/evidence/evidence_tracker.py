@@ -47,6 +47,10 @@ class EvidenceTracker:
         """Why people are not shown, see `PeopleTracker.withheld`."""
         return self._people.withheld
 
+    def interrupt(self, next_id: int) -> None:
+        """As `PeopleTracker.interrupt`."""
+        self._people.interrupt(next_id)
+
     def update(self, blobs: Blobs, evidence: Image | None, dt_s: float) -> list[Track]:
         """Take one frame; all confirmed tracks that are not lost, by id.
 

@@ -123,6 +123,18 @@ class PeopleTracker(Generic[Frame]):
         self._withheld = {}
         return [self._report(track, t_s) for track in self._tracks]
 
+    def interrupt(self, next_id: int) -> None:
+        """Take nobody's place for granted: all are out of sight, to be re-identified.
+
+        Args:
+            next_id: the next id to give out.
+        """
+        self.next_id = max(self.next_id, next_id)
+        for track in self._tracks:
+            if track.confirmed:
+                self._recall.lose(track, self._front.pictures)
+        self._tracks = []
+
     def _predict(self, t_s: float, camera: CameraStep | None) -> Scene:
         elapsed_s = 0.0 if self._last_s is None else max(t_s - self._last_s, 0.0)
         self._last_s, self._elapsed_s = t_s, elapsed_s

@@ -172,7 +172,7 @@ _END = encode(EndOfStream(stream="front", epoch=1, frames=1, reason="end"))
         (bytes(qos.TRACKS.max_bytes + 1), Tracks.encoding(), _STAMP, "exceed the cap of 262144"),
         (_GOOD, Tracks.encoding(), None, "stamp: not msgpack"),
         (_GOOD, Tracks.encoding(), b"", "stamp: not msgpack"),
-        (_GOOD, Tracks.encoding(), bytes(10_000), "stamp: 10000 bytes exceed the cap of 512"),
+        (_GOOD, Tracks.encoding(), bytes(10_000), "stamp: 10000 bytes exceed the cap of 768"),
         (_END, Tracks.encoding(), _STAMP, "tracks: seq"),
     ],
     ids=["empty", "garbage", "cut off", "encoding version", "JSON", "no encoding", "version",
@@ -398,3 +398,22 @@ def test_a_frame_is_no_younger_than_the_time_since_it_was_taken() -> None:
     assert Received(tracks(0), stamp, 10.0).age_s(10.1) == pytest.approx(0.15)
     assert Received(tracks(0), stamp, 10.0, 9.0).age_s(10.1) == pytest.approx(1.1)
     assert Received(tracks(0), stamp, 10.0, 10.09).age_s(10.1) == pytest.approx(0.15)
+
+
+def test_one_that_takes_over_the_line_is_believed_at_once_and_for_good() -> None:
+    gate = ProducerGate()
+    assert gate.accepts("a", 0.0)
+    assert not gate.accepts("c", 0.01, line="c", turn=5), "another line"
+    assert gate.accepts("b", 0.04, line="a", turn=1)
+    assert not gate.accepts("a", 0.05)
+    assert not gate.accepts("c", 0.06, line="a", turn=1), "the same turn"
+    for step in range(20):
+        assert gate.accepts("b", 0.08 + 0.04 * step, line="a", turn=1)
+        assert not gate.accepts("a", 0.09 + 0.04 * step), "it was held up, and is behind by now"
+    assert gate.accepts("a", 0.9, line="a", turn=2), "handed back"
+
+
+def test_ids_of_a_line_are_those_of_the_process_that_began_it() -> None:
+    first = Stamp(producer=PRODUCER, t_sent_ns=0, age_ns=0)
+    second = Stamp(producer=_RIVAL, t_sent_ns=0, age_ns=0, line=PRODUCER, turn=1)
+    assert first.origin == second.origin == PRODUCER

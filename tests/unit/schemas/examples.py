@@ -21,6 +21,7 @@ from heel.schemas import (
     Evidence,
     FollowState,
     FrameId,
+    Handover,
     Header,
     Health,
     Message,
@@ -36,6 +37,7 @@ from heel.schemas import (
     SimPerson,
     SimTruth,
     SimWorld,
+    Snapshot,
     Stamp,
     Taken,
     Target,
@@ -75,7 +77,10 @@ EXAMPLES: tuple[Message, ...] = (
         **FRAME, **SIZE, image_encoding="image/raw;bgr8", producer="capture/main@89abcdef",
         age_ns=1_500_000,
     ),
-    Stamp(producer=PRODUCER, t_sent_ns=1_700_000_000_200_000_000, age_ns=12_345_678),
+    Stamp(
+        producer=PRODUCER, t_sent_ns=1_700_000_000_200_000_000, age_ns=12_345_678,
+        line="tracker/first@00000001", turn=2, successor="tracker/next@00000002",
+    ),
     Taken(
         stream="front", epoch=5, seq=41, clock="0123abcd-4026531834", monotonic_ns=123_456_789_012,
     ),
@@ -180,6 +185,11 @@ EXAMPLES: tuple[Message, ...] = (
     ),
     EndOfStream(stream="front", epoch=5, frames=795, reason="end of walk.avi"),
     Progress(stream="front", epoch=5, seq=794),
+    Snapshot(
+        service="tracker", producer=PRODUCER, line="tracker/first@00000001", turn=2,
+        frame=FrameId(**FRAME), state=b"\x00\x01\xff",
+    ),
+    Handover(successor="tracker/next@00000002"),
 )  # fmt: skip
 
 
