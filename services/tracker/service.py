@@ -126,6 +126,7 @@ class TrackerService:
         self._out = context.publisher(keys.tracks(camera), qos.TRACKS)
         self._newest: FrameId | None = None
         self._on_trial = 0
+        self._handed_over = False
         self._succession: Succession | None = None
         self._file: StateFile | None = None
         if live:
@@ -140,7 +141,7 @@ class TrackerService:
         """Track, or stand by, until the stream ends or the service is stopped."""
         context, succession = self._context, self._succession
         stands_by = context.settings.standby and succession is not None
-        line = None
+        line = handed_over = None
         if not stands_by:
             line = self._left_behind()
         context.announce()
@@ -150,7 +151,7 @@ class TrackerService:
         while context.running:
             if stands_by:
                 with ExitStack() as standing_by:
-                    line = self._stand_by(standing_by)
+                    line = self._stand_by(standing_by, handed_over)
                 if not context.running:
                     return
             succession.lead(line, state=True, yields=context.settings.standby and line is None)
@@ -159,6 +160,7 @@ class TrackerService:
                 self._send(received, tracks, time.monotonic())
             if self._track():
                 return
+            handed_over = succession.line if self._handed_over else None
             succession.step_back()
             stands_by = True
 
@@ -184,14 +186,23 @@ class TrackerService:
                          left.producer)  # fmt: skip
         return Line(left.line, left.turn + 1)
 
-    def _stand_by(self, resources: ExitStack) -> Line | None:
-        """Follow the tracker that sends until it is time to take over; the line to go on with."""
+    def _stand_by(self, resources: ExitStack, handed_over: Line | None) -> Line | None:
+        """Follow the tracker that sends until it is time to take over; the line to go on with.
+
+        Args:
+            resources: end what is declared.
+            handed_over: the line that this process has handed over a moment ago, if it has.
+        """
         context, camera = self._context, self._context.settings.camera
         if self._others is None:
             self._others = context.subscribe("tracks", keys.tracks(camera), qos.TRACKS, False)
         question = SnapshotQuestion(context.session, keys.snapshot(camera, "tracker"))
         shadow = Shadow(self._tracker)
         standing = StandingBy(context.session, context.producer, resources)
+        if handed_over is not None and self._newest is not None:
+            # Should the successor never be heard, this one goes on where it was.
+            shadow.resume(self._newest)
+            standing.line = Line(handed_over.began, handed_over.turn + 2)
         self._trace.pause(True)
         while context.running and not standing.is_due(shadow.oldest_unanswered_s, shadow.in_step):
             with context.surviving("standing by"):
@@ -240,6 +251,7 @@ class TrackerService:
     def _track(self) -> bool:
         """Track until the service is to end (True), or another one sends from now on."""
         context, succession = self._context, self._succession
+        self._handed_over = False
         goes_on = None if succession is None else self._turn
         for arrival in context.arrivals(self._blobs, self._out, goes_on):
             received = self._blobs.message(arrival, Blobs)
@@ -261,6 +273,7 @@ class TrackerService:
                 self._tracker.settle()
                 self._keep_state()
                 if successor is not None:
+                    self._handed_over = True
                     return False
             self._try_out(context.statistics.failed > failed)
         return not context.running or self._may_send()

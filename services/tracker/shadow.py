@@ -80,6 +80,11 @@ class Shadow:
         self._restored, self._done = True, (frame.epoch, frame.seq)
         self._catch_up()
 
+    def resume(self, frame: FrameId) -> None:
+        """Go on from the tracker's own state, which the other one has taken over after a frame."""
+        self._restored = self.in_step = True
+        self._epoch, self._done = frame.epoch, (frame.epoch, frame.seq)
+
     def take_over(self) -> Iterator[tuple[Received[Blobs], Tracks]]:
         """The frames that the other one has not answered, and their people.
 

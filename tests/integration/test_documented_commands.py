@@ -79,7 +79,13 @@ _STOPPING = "tests/integration/test_time_to_stop.py::test_the_robot_stands_in_ti
 _RECORDING = "tests/integration/test_recording.py::"
 _MODEL = "tests/integration/test_run_with_model.py::"
 
+_TAKEOVER = (
+    "tests/integration/test_takeover.py::test_trackers_take_over_from_each_other_with_the_same_ids"
+)
+
 ELSEWHERE = {
+    "heel tracker --standby --instance remote &": _TAKEOVER,
+    "heel swap tracker": _TAKEOVER,
     "heel calibrate board board.mp4 --board 9x6 --square-mm 25 --out lens.yaml":
         "tests/unit/geometry/test_board.py::test_from_pictures_to_a_file_that_capture_reads",
     "heel capture /dev/video0 --lens lens.yaml":
@@ -235,6 +241,8 @@ NOT_RUN = {
     "--write docs/records/moving-camera.md": "recordings, and a network that Heel does not ship",
     "python -m benchmarks.empty_clicks --worlds 5 --anywhere 16 "
     "--write docs/records/scenarios.md": "an hour; tests/unit/benchmarks tests its parts",
+    "python -m benchmarks.swaps --swaps 50 --kills 10 --write docs/records/swaps.md":
+        "minutes, and a machine of its own; test_takeover.py takes over, too",
     "make mutants": "hours",
     "python -m benchmarks.mutants --sample 40": "an hour; tests/unit/benchmarks tests its parts",
     "python -m benchmarks.mutants --only pointed/": "an hour; as above",
