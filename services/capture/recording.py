@@ -1,4 +1,4 @@
-"""Frames from a recording of Heel's own: one camera of an MCAP file of `heel record`."""
+"""Frames from an MCAP file: one camera of a recording of `heel record`, or a topic of a rosbag."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from heel.schemas import CameraInfo, Header, MessageError, decode
 from heel.schemas.errors import SourceError
 from heel.schemas.image import decode_image
 from heel.services.capture.ffmpeg import shown_path
+from heel.services.capture.rosbag import RosbagSource, picture_topics
 from heel.services.capture.source import (
     DEFAULT_FPS,
     Frame,
@@ -130,14 +131,34 @@ class RecordingSource(FrameSource):
         return ", ".join(parts)
 
 
-def open_recording(spec: str, warn: Warn = log_warning) -> RecordingSource:
-    """Open `FILE.mcap` or `FILE.mcap?camera=NAME`.
+def open_recording(spec: str, warn: Warn = log_warning) -> FrameSource:
+    """Open `FILE.mcap` or `FILE.mcap?camera=NAME`, of Heel's or of ROS, where it is a topic's name.
 
     Raises:
-        SourceError: as `RecordingSource`.
+        SourceError: as `RecordingSource` and `RosbagSource`.
     """
     path, _, camera = spec.partition(CAMERA_OPTION)
+    if topics := picture_topics(Recording(Path(path)), _LOOKED_AT):
+        return RosbagSource(Path(path), topics, camera or None, warn)
     return RecordingSource(Path(path), camera or None, warn)
+
+
+def bag_in(folder: Path) -> Path | None:
+    """The one MCAP file of a folder that rosbag2 has made; None if it is no such folder.
+
+    Raises:
+        SourceError: it holds another kind of file, or several.
+    """
+    if not (folder / "metadata.yaml").is_file():
+        return None
+    name, files = shown_path(folder), sorted(folder.glob("*.mcap"))
+    if not files and any(folder.glob("*.db3")):
+        raise SourceError(
+            f"{name}: a bag in sqlite3: make one in MCAP of it with `ros2 bag convert`"
+        )
+    if len(files) > 1:
+        raise SourceError(f"{name}: {len(files)} files in it: give one, such as {files[0].name}")
+    return files[0] if files else None
 
 
 def names_recording(spec: str) -> bool:

@@ -15,7 +15,7 @@ from heel.services.capture.adjust import AdjustedSource, LoopedSource, check_adj
 from heel.services.capture.camera import STREAM_SCHEMES, open_device, open_stream
 from heel.services.capture.ffmpeg import shown_path
 from heel.services.capture.image_folder import IMAGE_SUFFIXES, ImageFolderSource, list_images
-from heel.services.capture.recording import names_recording, open_recording
+from heel.services.capture.recording import bag_in, names_recording, open_recording
 from heel.services.capture.scene_source import SCENE_PREFIX, open_scene
 from heel.services.capture.sequence import open_sequence
 from heel.services.capture.source import FrameSource, Warn, log_warning
@@ -110,12 +110,14 @@ def _is_animated(path: Path) -> bool:
 def _open_recording(spec: str, warn: Warn) -> FrameSource:
     if spec.startswith(SCENE_PREFIX):
         return open_scene(spec)
-    if names_recording(spec):
-        return open_recording(spec, warn)
     path = Path(spec)
+    if names_recording(spec) and not os.path.isdir(path):
+        return open_recording(spec, warn)
     if spec and os.path.isdir(path):
         if sequence_file(path) is not None:
             return open_sequence(path, warn)
+        if (bag := bag_in(path)) is not None:
+            return open_recording(str(bag), warn)
         return ImageFolderSource(list_images(path), shown_path(path), warn=warn)
     # os.path takes a name that is too long or forbidden for one that is not there; pathlib raises.
     if not spec or not os.path.exists(path):

@@ -31,13 +31,11 @@ from heel.schemas import (
 from heel.schemas.frame import LensModel
 from heel.services.geometry.camera import camera_from_info
 from heel.services.geometry.pixels import fit_to_cap
+from heel.services.geometry.ros_pictures import Picture, compressed_picture_of, picture_of
 from heel.services.ros2.check import check
 from heel.services.ros2.convert import (
     OdometryReader,
-    Picture,
-    compressed_picture_of,
     lens_of,
-    picture_of,
     sectors_of,
 )
 from heel.services.ros2.node import Heard, RosNode

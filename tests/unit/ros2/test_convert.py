@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from heel.schemas import HeelError, Ranges
+from heel.services.geometry.ros_pictures import compressed_picture_of, picture_of
 from heel.services.ros2.check import End, judged_input, judged_output
 from heel.services.ros2.convert import (
     OdometryReader,
-    compressed_picture_of,
     lens_of,
-    picture_of,
     sectors_of,
 )
 
