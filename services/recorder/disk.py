@@ -105,6 +105,7 @@ class DiskThread(threading.Thread):
             self._files.tick(now_s)
         # Nothing that one message or one look does may end all recording.
         except Exception as error:
+            self._files.abandon()
             self._report(error)
         finally:
             with self._changed:

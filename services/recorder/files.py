@@ -210,6 +210,12 @@ class RecordingFiles:
         except OSError as error:
             self._fail(error, now_s)
 
+    def abandon(self) -> None:
+        """Leave the file as it was flushed: what is to be written next may be half a record."""
+        file, self._file = self._file, None
+        if file is not None:
+            file.give_up()
+
     def _ready(self, logged_ns: int, now_s: float) -> RecordingFile | None:
         """The file that takes the next message; None while there is no room.
 
@@ -275,10 +281,7 @@ class RecordingFiles:
             file.close()
 
     def _fail(self, error: OSError, now_s: float) -> None:
-        file, self._file = self._file, None
-        if file is not None:
-            # What was flushed stays; it has no index, which readers do without.
-            file.give_up()
+        self.abandon()
         self._failed_s = now_s
         self.problem = (
             f"cannot record to {self._folder}: {error.strerror or error}: trying again every "
