@@ -111,7 +111,9 @@ def test_trackers_take_over_from_each_other_with_the_same_ids(
         network.wait_until(lambda: len(people(camera.heard[-1][1])) == 2, "two people", _START_S)
         ids = people(camera.heard[-1][1])
 
-        code, said, complaint = finished("-m", "heel", "swap", "tracker", "--connect", endpoint)
+        code, said, complaint = finished(
+            "-m", "heel", "swap", "tracker", "--connect", endpoint, deadline_s=_START_S
+        )
         assert code == 0, complaint
         assert said.startswith("tracker: tracker/a has handed over to tracker/b in ")
         network.wait_until(lambda: len(camera.sent_by("tracker/b")) > 5, "its tracks")

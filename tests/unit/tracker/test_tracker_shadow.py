@@ -115,3 +115,16 @@ def test_after_an_interruption_nobody_has_a_place_and_no_id_is_given_twice(pair:
     found = {track.id for track in pair.answers[-1].tracks}
     assert found & known, "people are known again"
     assert all(one in known or one > 200 for one in found)
+
+
+def test_one_that_has_handed_over_is_in_step_with_its_successor(pair: Pair) -> None:
+    successor, state = Tracker(TrackerSettings()), pair.leader.snapshot()
+    assert state is not None
+    successor.restore(state)
+    shadow = Shadow(pair.leader)
+    shadow.resume(pair.answers[-1].frame_id())
+    assert shadow.in_step
+    for seq in (6, 7):
+        shadow.hear_blobs(Received(walked_boxes(seq), _STAMP, 0.04 * seq))
+        shadow.hear_tracks(successor.update(walked_boxes(seq)))
+        assert shadow.in_step
