@@ -15,7 +15,7 @@ define CHECK_PYTHON
 	|| { echo "Heel needs Python 3.11 or newer: make PYTHON=/path/to/python3.11 ..."; exit 1; }
 endef
 
-.PHONY: help demo test check lint layers types docs test-docker test-ros2 test-slow mutants same same-short bench results peers clean
+.PHONY: help demo test release check lint layers types docs test-docker test-ros2 test-slow mutants same same-short bench results peers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
@@ -64,6 +64,9 @@ types: $(READY)  ## types
 
 docs: $(READY)  ## build the documentation site in site/, with strict links
 	PYTHONPATH=. $(BIN)/zensical build --clean --strict
+
+release: $(READY)  ## wheel, source archive, image of this kind of computer and checksums, into dist/
+	$(BIN)/python -m tools.release
 
 check: lint layers types test  ## everything but Docker and the slow tests
 

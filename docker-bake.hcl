@@ -13,12 +13,14 @@ group "default" {
 
 target "here" {
   context = "."
+  target  = "service"
   tags    = ["heel-follow"]
   output  = ["type=docker"]
 }
 
 target "all" {
   context   = "."
+  target    = "service"
   tags      = ["heel-follow"]
   platforms = ["linux/amd64", "linux/arm64"]
   output    = ["type=oci,dest=heel.tar"]

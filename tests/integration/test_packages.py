@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import pytest
 
 from heel.services.cli import app
 from heel.services.runtime.process import software_version
+from tools.release import SUMS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SCENE = "scene:crossing?frames=30&width=320&height=240"
@@ -27,10 +29,20 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("hatchling", reason="hatchling, which builds the packages, is missing")
     folder = tmp_path_factory.mktemp("built")
     subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-d", str(folder)], cwd=REPOSITORY,
-        check=True, capture_output=True, timeout=60,
+        [sys.executable, "-m", "tools.release", "--image", "none", "--out", str(folder)],
+        cwd=REPOSITORY, check=True, capture_output=True, timeout=60,
     )  # fmt: skip
     return folder
+
+
+def test_every_file_of_a_release_has_its_checksum(built: Path) -> None:
+    lines = (built / SUMS).read_text().splitlines()
+    listed = {name: digest for digest, name in (line.split("  ") for line in lines)}
+    files = {file.name: file for file in built.iterdir() if file.name != SUMS}
+    assert listed == {
+        name: hashlib.sha256(file.read_bytes()).hexdigest() for name, file in files.items()
+    }
+    assert {file.suffix for file in files.values()} == {".whl", ".gz"}
 
 
 def tracked(*folders: str) -> set[str]:

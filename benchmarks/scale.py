@@ -1,0 +1,288 @@
+"""What a further camera costs, and a further robot: processor, memory, bandwidth.
+
+A camera is capture, detector and tracker; a robot is a camera, follower and drive under a name of
+its own. All are on one router, as real processes, each at a rate at which the machine keeps up.
+Processor time is told per frame, so that what else the machine does counts little; memory is the
+proportional share (PSS) that the kernel tells, where common pages count once.
+
+Example run: python -m benchmarks.scale --write docs/records/scale.md
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import typer
+import zenoh
+
+from benchmarks.common import Write, publish, wait_for
+from heel.schemas import Health, decode
+from heel.schemas.image import encode_image
+from heel.services.capture.sources import open_source
+from heel.services.runtime.command_line import run_app
+from heel.services.runtime.process import PARENT_VARIABLE
+from heel.services.runtime.router import open_private_router
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+Kind = Literal["cameras", "robots"]
+SCENE = "scene:demo"
+PER_CAMERA = ("capture", "detector", "tracker")
+PER_ROBOT = (*PER_CAMERA, "follower", "drive")
+_START_S = 120.0
+"""Longest start of all processes, on a busy machine; chosen by hand."""
+_STEADY = 20
+"""Frames of each camera before the measurement begins: the background is learned; chosen by
+hand."""
+_TICKS_HZ = os.sysconf("SC_CLK_TCK")
+LINKS_MBIT = {"good Wi-Fi": 100.0, "1 Gbit/s": 940.0}
+"""What a link carries of data; chosen by hand."""
+FPS_ROBOT = 25.0
+"""Of a robot's camera, for what is told of more machines than one."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Means per camera or robot.
+
+    Attributes:
+        count: of cameras or robots.
+        fps: frames per second that the last service of each had.
+        cpu_ms: processor time per frame, by service; the router's share as `router`.
+        memory_mb: proportional set size, without the router.
+        router_mb: of the router.
+        dropped: share of frames that were dropped.
+        bytes_frame: bytes per frame of image, blobs and tracks.
+    """
+
+    count: int
+    fps: float
+    cpu_ms: dict[str, float]
+    memory_mb: float
+    router_mb: float
+    dropped: float
+    bytes_frame: dict[str, float]
+
+    @property
+    def total_ms(self) -> float:
+        """Processor time per frame."""
+        return sum(self.cpu_ms.values())
+
+
+class Listener:
+    """Keeps the newest health of every process, and the sizes of a camera's messages."""
+
+    def __init__(self, session: zenoh.Session, resources: ExitStack) -> None:
+        self.health: dict[tuple[str, str], Health] = {}
+        for key in ("svc/*/*/health", "*/svc/*/*/health"):
+            resources.callback(session.declare_subscriber(key, self._hear).undeclare)
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        health = decode(Health, sample.payload.to_bytes(), str(sample.encoding))
+        robot = str(sample.key_expr).partition("/svc/")[0]
+        name = health.instance if robot.startswith("svc") else robot
+        self.health[health.service, name] = health
+
+
+@contextmanager
+def processes(
+    kind: Kind, count: int, fps: float, endpoint: str, folder: Path
+) -> Iterator[dict[tuple[str, str], int]]:
+    """All services of so many cameras or robots: process ids by service and name."""
+    environment = {name: value for name, value in os.environ.items() if name[:5] != "HEEL_"}
+    environment |= {PARENT_VARIABLE: str(os.getpid()), "HEEL_MODELS": str(folder),
+                    "HEEL_RUNTIME_DIR": str(folder)}  # fmt: skip
+    started: dict[tuple[str, str], subprocess.Popen[bytes]] = {}
+    try:
+        for number in range(count):
+            name = f"c{number}" if kind == "cameras" else f"r{number}"
+            own = ["--camera", name, "--instance", name] if kind == "cameras" else [
+                "--namespace", name
+            ]  # fmt: skip
+            for service in PER_CAMERA if kind == "cameras" else PER_ROBOT:
+                flags = [f"{SCENE}?seed={number + 1}", "--loop", "--fps", f"{fps:g}"] if (
+                    service == "capture"
+                ) else []  # fmt: skip
+                with (folder / f"{service}-{name}.log").open("wb") as log:
+                    started[service, name] = subprocess.Popen(
+                        [sys.executable, "-P", "-m", f"heel.services.{service}", *flags, *own,
+                         "--connect", endpoint],
+                        env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                    )  # fmt: skip
+        yield {one: process.pid for one, process in started.items()}
+    finally:
+        for process in started.values():
+            process.terminate()
+        for process in started.values():
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def measure(kind: Kind, count: int, fps: float, seconds: float) -> Cost:
+    """Run so many and measure them in their steady state."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        # Not in this process, whose own work is not the router's.
+        endpoint, router_pid = stack.enter_context(_router(folder))
+        session = stack.enter_context(_client(endpoint))
+        listener = Listener(session, stack)
+        pids = stack.enter_context(processes(kind, count, fps, endpoint, folder))
+
+        def steady() -> bool | None:
+            sent = [listener.health.get(one) for one in pids]
+            return all(one is not None and one.sent >= _STEADY for one in sent) or None
+
+        wait_for(steady, _START_S, f"{count} {kind}: not all of them send")
+        before, router_before = dict(listener.health), _cpu_s(router_pid)
+        began_s = time.monotonic()
+        time.sleep(seconds)
+        after, router_cpu_s = dict(listener.health), _cpu_s(router_pid) - router_before
+        took_s = time.monotonic() - began_s
+        memory = {one: _pss_mb(pid) for one, pid in pids.items()}
+        router_mb = _pss_mb(router_pid)
+        sizes = _sizes(session, "c0" if kind == "cameras" else "front",
+                       "" if kind == "cameras" else "r0/")  # fmt: skip
+    frames = sum(after[one].sent - before[one].sent for one in pids if one[0] == "tracker")
+    cpu_ms = {"router": 1e3 * router_cpu_s / frames}
+    for one in pids:
+        used_s = after[one].cpu_s - before[one].cpu_s
+        cpu_ms[one[0]] = cpu_ms.get(one[0], 0.0) + 1e3 * used_s / frames
+    dropped = sum(after[one].dropped - before[one].dropped for one in pids if one[0] == "tracker")
+    return Cost(count, frames / took_s / count, cpu_ms, sum(memory.values()) / count, router_mb,
+                dropped / (frames + dropped), sizes)  # fmt: skip
+
+
+@contextmanager
+def _router(folder: Path) -> Iterator[tuple[str, int]]:
+    with open_private_router() as (_, endpoint):
+        pass  # A port that was free.
+    with (folder / "router.log").open("wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "heel", "router", "--listen", endpoint],
+            stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+        )  # fmt: skip
+    try:
+        yield endpoint, process.pid
+    finally:
+        process.terminate()
+        process.wait(10.0)
+
+
+@contextmanager
+def _client(endpoint: str) -> Iterator[zenoh.Session]:
+    config = zenoh.Config()
+    for path, value in (("mode", '"client"'), ("connect/endpoints", f'["{endpoint}"]'),
+                        ("connect/timeout_ms", "60000"),
+                        ("scouting/multicast/enabled", "false")):  # fmt: skip
+        config.insert_json5(path, value)
+    with zenoh.open(config) as session:
+        yield session
+
+
+def _sizes(session: zenoh.Session, camera: str, robot: str) -> dict[str, float]:
+    """Mean bytes of a camera's blobs and tracks, over a second, and of a raw and a JPEG frame."""
+    sizes: dict[str, list[int]] = {"blobs": [], "tracks": []}
+    subscribers = []
+    for topic, kept in sizes.items():
+        subscribers.append(session.declare_subscriber(
+            f"{robot}cam/{camera}/{topic}",
+            lambda sample, kept=kept: kept.append(len(sample.payload)),
+        ))  # fmt: skip
+    time.sleep(1.0)
+    for subscriber in subscribers:
+        subscriber.undeclare()
+    with open_source(SCENE) as source:
+        pictures = [source.read() for _ in range(60)]
+    images = [one.image for one in pictures if one is not None][::10]
+    jpeg = [len(encode_image(image, "image/jpeg", 90)) for image in images]
+    return {"raw": float(images[0].nbytes), "JPEG": float(np.mean(jpeg))} | {
+        topic: float(np.mean(kept)) if kept else 0.0 for topic, kept in sizes.items()
+    }
+
+
+def _cpu_s(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / _TICKS_HZ
+
+
+def _pss_mb(pid: int) -> float:
+    for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
+        if line.startswith("Pss:"):
+            return int(line.split()[1]) / 1024.0
+    return 0.0
+
+
+def table(kind: Kind, costs: list[Cost]) -> str:
+    """One row for each number of cameras or robots."""
+    services = ["router", *(PER_CAMERA if kind == "cameras" else PER_ROBOT)]
+    one = kind[:-1]
+    rows = [f"| {kind} | frames/s of each | " + " | ".join(f"{name} ms" for name in services)
+            + f" | ms per frame and {one} | against one | MB per {one} | router MB | dropped |",
+            "|" + "---|" * (len(services) + 7)]  # fmt: skip
+    for cost in costs:
+        against = cost.total_ms / costs[0].total_ms - 1.0
+        rows.append(
+            f"| {cost.count} | {cost.fps:.1f} | "
+            + " | ".join(f"{cost.cpu_ms[name]:.1f}" for name in services)
+            + f" | {cost.total_ms:.1f} | {against:+.0%} | {cost.memory_mb:.0f} | "
+            f"{cost.router_mb:.0f} | {cost.dropped:.1%} |"
+        )
+    return "\n".join(rows)
+
+
+def beyond(camera: Cost, robot: Cost) -> str:
+    """Cores and bandwidth of many robots, from what one costs here."""
+    size = camera.bytes_frame
+    mbit = {name: size[name] * 8e-6 * FPS_ROBOT for name in ("raw", "JPEG", "blobs", "tracks")}
+    rows = ["| robots | cores, all on board | cores of a server that detects and tracks for all | "
+            "Mbit/s to it, JPEG | back, tracks | robots on one router of a building, tracks only |",
+            "|---|---|---|---|---|---|"]  # fmt: skip
+    heavy_ms = camera.cpu_ms["detector"] + camera.cpu_ms["tracker"]
+    for count in (1, 4, 16, 64):
+        rows.append(
+            f"| {count} | {count * robot.total_ms * FPS_ROBOT * 1e-3:.1f} | "
+            f"{count * heavy_ms * FPS_ROBOT * 1e-3:.1f} | {count * mbit['JPEG']:.0f} | "
+            f"{count * mbit['tracks']:.1f} | {count * mbit['tracks']:.1f} Mbit/s |"
+        )
+    told = ", ".join(f"{name} {size[name] / 1e3:.1f} kB" for name in mbit)
+    most = "; ".join(
+        f"{link}: {limit / mbit['JPEG']:.0f} cameras as JPEG, "
+        f"{limit / mbit['tracks']:.0f} as tracks"
+        for link, limit in LINKS_MBIT.items()
+    )
+    return "\n".join(rows) + f"\n\nA frame of 640x480: {told}. What a link carries: {most}."
+
+
+@app.command()
+def main(
+    seconds: Annotated[float, typer.Option(help="of each measurement")] = 20.0,
+    fps: Annotated[float, typer.Option(help="of every camera, so that four are kept up with")] = 8,
+    most: Annotated[int, typer.Option(help="cameras and robots at most: 1, 2, 4, ...")] = 4,
+    write: Write = None,
+) -> None:
+    """Print a table for cameras, one for robots, and what that means for more machines."""
+    counts = [count for count in (1, 2, 4, 8) if count <= most]
+    cameras = [measure("cameras", count, fps, seconds) for count in counts]
+    robots = [measure("robots", count, fps, seconds) for count in counts]
+    text = "\n\n".join([
+        f"{len(os.sched_getaffinity(0))} cores, `{SCENE}` at 640x480 and {fps:g} frames/s, "
+        f"{seconds:g} s each, standing background.",
+        table("cameras", cameras), table("robots", robots), beyond(cameras[0], robots[0]),
+    ])  # fmt: skip
+    publish(text, write)
+
+
+if __name__ == "__main__":
+    run_app(app)
