@@ -164,6 +164,9 @@ class CameraInfo(Message):
     lens: LensModel | None = Field(
         default=None, description="none: a pinhole without distortion is assumed"
     )
+    mount_yaw_rad: Real | None = Field(
+        default=None, description="from the robot's ahead to the camera's, left is positive"
+    )
     host: Annotated[str, Field(strict=True, pattern=r"^[0-9a-f-]{0,64}$")] = Field(
         default="",
         description="of the camera's process, named as in `taken.clock`; where it is named the "

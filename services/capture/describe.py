@@ -18,7 +18,7 @@ class Mounting:
 
     Attributes:
         stated_fov_rad: horizontal field of view, where no lens tells it.
-        mount_height_m, mount_pitch_rad: as of `CameraInfo`.
+        mount_height_m, mount_pitch_rad, mount_yaw_rad: as of `CameraInfo`.
         lens_file: the lens.
     """
 
@@ -26,6 +26,7 @@ class Mounting:
     mount_height_m: float | None
     mount_pitch_rad: float | None
     lens_file: LensFile | None = None
+    mount_yaw_rad: float | None = None
 
     def horizontal_fov_rad(self, width_px: int, height_px: int) -> float | None:
         """Of pictures of that size, by the lens where there is one.
@@ -71,4 +72,5 @@ def mounting(settings: CaptureSettings, own_fov_rad: float | None = None) -> Mou
         height_m,
         None if pitch_deg is None else math.radians(pitch_deg),
         None if settings.lens is None else read_lens(settings.lens),
+        None if settings.mount_yaw_deg is None else math.radians(settings.mount_yaw_deg),
     )

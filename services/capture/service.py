@@ -212,6 +212,7 @@ class CaptureService:
                 mount_height_m=self._mounting.mount_height_m,
                 mount_pitch_rad=self._mounting.mount_pitch_rad,
                 lens=self._mounting.lens(width, height),
+                mount_yaw_rad=self._mounting.mount_yaw_rad,
                 host=monotonic_clock(),
             )
         )

@@ -67,3 +67,7 @@ class CaptureSettings(ServiceSettings):
     mount_pitch_deg: float | None = Field(
         None, ge=-90, le=90, description="camera pitch, degrees, down is positive"
     )
+    mount_yaw_deg: float | None = Field(
+        None, ge=-180, le=180, description="where the camera looks, degrees from the robot's "
+        "ahead, left is positive; needed of each of several cameras"
+    )  # fmt: skip

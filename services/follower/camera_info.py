@@ -36,6 +36,8 @@ def implausible(info: CameraInfo) -> str:
         return f"a mounting height of {height_m:.3g} m: state 0.02 to 30"
     if pitch_rad is not None and abs(pitch_rad) > _GREATEST_PITCH_RAD:
         return f"a pitch of {math.degrees(pitch_rad):.3g} degrees: state -85 to 85"
+    if abs(info.mount_yaw_rad or 0.0) > math.pi:
+        return f"a yaw of {math.degrees(info.mount_yaw_rad or 0.0):.3g} degrees: state -180 to 180"
     return ""
 
 
@@ -89,6 +91,7 @@ def _same_optics(one: CameraInfo, other: CameraInfo) -> bool:
             (one.horizontal_fov_rad, other.horizontal_fov_rad, _FOV_TOLERANCE_RAD),
             (one.mount_height_m, other.mount_height_m, _MOUNT_TOLERANCE),
             (one.mount_pitch_rad, other.mount_pitch_rad, _MOUNT_TOLERANCE),
+            (one.mount_yaw_rad, other.mount_yaw_rad, _MOUNT_TOLERANCE),
         )
     )
 

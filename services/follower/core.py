@@ -25,7 +25,7 @@ from heel.services.follower.controller import Goal, VelocityController
 from heel.services.follower.freshness import Freshness
 from heel.services.follower.kept import KeptTarget
 from heel.services.follower.moving_picture import PictureWatch
-from heel.services.follower.own_motion import OwnMotion
+from heel.services.follower.own_motion import OwnMotion, Pose
 from heel.services.follower.people import People
 from heel.services.follower.search import Search, all_around, search_for
 from heel.services.follower.sensors import (
@@ -132,6 +132,33 @@ class Follower:
     def set_estop(self, engaged: bool) -> None:
         """Engage or release the emergency stop; it holds whatever else happens."""
         self._estop = engaged
+
+    def pose_at(self, t_s: float) -> Pose:
+        """Where the robot was at a time, on the clock of `step`."""
+        return self._motion.pose_at(t_s)
+
+    @property
+    def decided(self) -> bool:
+        """Whether one person is chosen, for good."""
+        choice = self._choice
+        return (
+            choice.target.track_id is not None
+            and choice.provisional is None and choice.pending is None
+        )  # fmt: skip
+
+    def hand_over(self, tracks: Tracks, tracker: str, track_id: int, words: str) -> None:
+        """Go on with the same person as another camera sees it; that camera is set already.
+
+        Args:
+            tracks: its newest frame, with the person in it.
+            tracker: name of its tracker.
+            track_id: of the person there.
+            words: why, for people.
+        """
+        self._choice.hand_over(tracks, tracker, track_id, words)
+        self._people.clear()
+        self._picture.restart()
+        self._tracks, self._tracks_are_new = tracks, True
 
     def observe(self, tracks: Tracks, tracker: str) -> None:
         """Take the tracks of a frame.

@@ -27,7 +27,7 @@ class Place:
     """Where the camera sees a person.
 
     Attributes:
-        distance_m, bearing_rad: along the ground; left is positive.
+        distance_m, bearing_rad: along the ground, from the robot's ahead; left is positive.
         distance_sigma_m, bearing_sigma_rad: what varies of them from frame to frame.
         certain: whether all that is seen fits a person that stands there.
         by_height: whether it rests on the assumed height of people alone.
@@ -57,6 +57,7 @@ class PlaceReader:
         self._info: CameraInfo | None = None
         self._camera: Pinhole | None = None
         self._ground = LearnedGround()
+        self._yaw_rad = 0.0
 
     def set_camera(self, info: CameraInfo) -> None:
         """Use what the camera says of itself; another one is mounted elsewhere."""
@@ -64,6 +65,7 @@ class PlaceReader:
         if known is None or _optics(info) != _optics(known):
             self._ground = LearnedGround()
         self._info, self._camera = info, None
+        self._yaw_rad = info.mount_yaw_rad or 0.0
 
     @property
     def focal_px(self) -> float:
@@ -107,7 +109,10 @@ class PlaceReader:
         box = PersonBox.of(track.box_xyxy, camera, model)
         if seen is not None and box is not None:
             self._learn(box, seen, width, t_s)
-        return _told_or_seen(track, seen, not isinstance(camera, GroundCamera))
+        place = _told_or_seen(track, seen, not isinstance(camera, GroundCamera))
+        return place if not self._yaw_rad or place is None else replace(
+            place, bearing_rad=math.remainder(place.bearing_rad + self._yaw_rad, 2 * math.pi)
+        )  # fmt: skip
 
     def _learn(
         self, box: PersonBox, seen: PersonPosition, width: LearnedWidth, t_s: float

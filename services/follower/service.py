@@ -26,7 +26,6 @@ from heel.schemas import (
     Odometry,
     Ranges,
     SettingsError,
-    Taken,
     Target,
     TargetRequest,
     Tracks,
@@ -34,17 +33,18 @@ from heel.schemas import (
     encode,
     keys,
 )
-from heel.services.follower.camera_info import CameraInfos, implausible
+from heel.services.follower.camera_info import implausible
 from heel.services.follower.core import Follower
-from heel.services.follower.frame_times import FrameTimes
+from heel.services.follower.eyes import Eye, of_camera, open_eye
 from heel.services.follower.kept import TargetFile
 from heel.services.follower.sensors import Sensor
 from heel.services.follower.settings import FollowerServiceSettings
+from heel.services.follower.sights import Sights
 from heel.services.follower.standby import Heard, StandbyFollower
+from heel.services.follower.target import TargetError
 from heel.services.runtime import places, qos
-from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.inbox import Arrival, Inbox
-from heel.services.runtime.latched import LatchedQuery, latched_values
+from heel.services.runtime.latched import latched_values
 from heel.services.runtime.logs import StateLog
 from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
@@ -85,23 +85,16 @@ class FollowerService:
         self.over = False
         """Whether the stream has ended, and the process with it."""
         self._lock = threading.Lock()
-        self._times = FrameTimes(monotonic_clock())
-        self._infos = CameraInfos(context.settings.camera)
-        self._info_epoch: int | None = None
-        self._info_asked = LatchedQuery(
-            context.session, keys.info(context.settings.camera), CameraInfo
-        )
-        self._newest: Received[Tracks] | None = None
         self._told: tuple[object, ...] = ()
         self._state_log = StateLog(context.log)
         self._told_s = -math.inf
-        camera, session = context.settings.camera, context.session
-        self._tracks = context.subscribe("tracks", keys.tracks(camera), qos.TRACKS)
-        self._live = context.settings.delivery == "live"
+        session, settings = context.session, context.settings
+        self._live = settings.delivery == "live"
+        self._eye = open_eye(context, settings.camera, first=True)
+        """The camera that the robot follows by."""
+        self._others = {name: open_eye(context, name, first=False) for name in settings.cameras}
+        self._sights = Sights(settings, (settings.camera, *settings.cameras))
         if self._live:
-            # In a lossless run the stream is the clock; what comes beside it has no place in it.
-            context.inbox.subscribe("info", keys.info(camera), qos.INFO)
-            self._taken = context.subscribe("taken", keys.taken(camera), qos.TAKEN, primary=False)
             self._ranges = context.subscribe("ranges", keys.ROBOT_RANGE, qos.RANGES, primary=False)
             self._odometry = context.subscribe(
                 "odometry", keys.ROBOT_ODOMETRY, qos.ODOMETRY, primary=False
@@ -112,8 +105,8 @@ class FollowerService:
         self._succession: Succession | None = None
         if self._live:
             self._succession = Succession(
-                session, self._out, keys.FOLLOW_COMMAND, ("follower", camera, context.producer),
-                resources, context.log,
+                session, self._out, keys.FOLLOW_COMMAND,
+                ("follower", settings.camera, context.producer), resources, context.log,
             )  # fmt: skip
             self._succession.lead(None if heard is None else heard.line, state=False)
         self._state = resources.enter_context(
@@ -157,12 +150,12 @@ class FollowerService:
         return self._succession is None or self._succession.may_send(self._context.stop.wait)
 
     def _run_by_stream(self) -> None:
-        for arrival in self._context.arrivals(self._tracks, self._out):
+        for arrival in self._context.arrivals(self._eye.tracks, self._out):
             self._drain("estop")
-            if self._newest is None:
+            if self._eye.newest is None:
                 self._ask_camera()
-            if self._observe(arrival) and self._newest is not None:
-                self._publish(self._newest.message.t_capture_ns * 1e-9, 0.0)
+            if self._observe(arrival) and self._eye.newest is not None:
+                self._publish(self._eye.newest.message.t_capture_ns * 1e-9, 0.0)
 
     def _run_by_timer(self) -> str | None:
         """Until the end, or until a successor is named: that one."""
@@ -176,7 +169,7 @@ class FollowerService:
                 if self._succession is not None and (named := self._succession.successor()):
                     return named
                 now_s = time.monotonic()
-                age_s = None if self._newest is None else self._newest.age_s(now_s)
+                age_s = None if self._eye.newest is None else self._eye.newest.age_s(now_s)
                 self._publish(now_s, age_s)
                 self._stop.save()
                 self._stop.poll(now_s)
@@ -186,6 +179,8 @@ class FollowerService:
                 self._look_after(now_s)
                 continue
             arrival = self._context.inbox.get(min(due_s - now_s, LOOP_WAIT_S))
+            if arrival is not None and self._others:
+                arrival = self._of_this_camera(arrival)
             if arrival is None:
                 pass
             elif arrival.topic != "tracks":
@@ -194,8 +189,8 @@ class FollowerService:
             elif arrival.encoding != EndOfStream.encoding():
                 self._observe(arrival)
             else:
-                self._tracks.ending(arrival)
-            if (end := self._tracks.ended(time.monotonic())) is not None:
+                self._eye.tracks.ending(arrival)
+            if (end := self._eye.tracks.ended(time.monotonic())) is not None:
                 self._context.log.info("stream ended after %d frames: %s", end.frames, end.reason)
                 if self._context.settings.exit_at_end:
                     self._out.end(end)
@@ -205,7 +200,7 @@ class FollowerService:
         return None
 
     def _observe(self, arrival: Arrival) -> bool:
-        received = self._tracks.message(arrival, Tracks)
+        received = self._eye.tracks.message(arrival, Tracks)
         if received is None:
             return False
         if self._live and (received := self._dated(received)) is None:
@@ -214,34 +209,97 @@ class FollowerService:
         self._use_camera_of(received.message.epoch)
         with self._context.surviving("taking tracks"), self._lock:
             self._follower.observe(received.message, received.stamp.origin)
-            self._newest = received
+            self._eye.newest = received
+            self._compare(self._eye)
         return True
+
+    def _of_this_camera(self, arrival: Arrival) -> Arrival | None:
+        """The message, if no other camera's is; those are taken here."""
+        found = of_camera(arrival.topic, self._context.settings.camera)
+        if found is None:
+            return arrival
+        topic, camera = found
+        if camera == self._eye.camera:
+            return replace(arrival, topic=topic)
+        eye = self._others[camera]
+        with self._context.surviving(f"taking {arrival.topic}"):
+            try:
+                if topic != "tracks":
+                    eye.hear(topic, arrival)
+                elif arrival.encoding != EndOfStream.encoding() and eye.observe(arrival):
+                    with self._lock:
+                        self._compare(eye)
+                        self._take_better(arrival.arrived_s)
+            except MessageError as error:
+                self._context.statistics.malformed += 1
+                self._context.warn.warning(
+                    arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s
+                )
+        return None
+
+    def _compare(self, eye: Eye) -> None:
+        """Tell which people of several cameras are one; under the lock."""
+        if not self._others or eye.newest is None:
+            return
+        now_s = time.monotonic()
+        if (info := eye.news(now_s) if eye is not self._eye else None) is not None:
+            self._sights.set_camera(eye.camera, info)
+        taken_s = now_s - eye.newest.age_s(now_s)
+        self._sights.follow(self._eye.camera, self._follower.target.track_id)
+        self._sights.observe(
+            eye.camera, eye.newest.message, eye.newest.stamp.origin, taken_s,
+            self._follower.pose_at(taken_s),
+        )  # fmt: skip
+        self._context.statistics.detail("sights", self._sights.words)
+
+    def _take_better(self, now_s: float) -> None:
+        """Follow by another camera if it sees the same person, and better; under the lock."""
+        over = self._sights.better(now_s)
+        if over is None or not self._follower.decided:
+            return
+        newest = self._others[over.camera].newest
+        assert newest is not None
+        self._look_with(over.camera)
+        self._follower.hand_over(newest.message, newest.stamp.origin, over.track_id, over.words)
+        self._sights.handed_over(over)
+        self._context.log.info("%s is followed by camera %s as id %d: %s", "the target",
+                               over.camera, over.track_id, over.words)  # fmt: skip
+
+    def _look_with(self, camera: str) -> None:
+        """Make another camera the one that the robot follows by; under the lock."""
+        eye = self._others.pop(camera)
+        self._others[self._eye.camera], self._eye = self._eye, eye
+        epoch = None if eye.newest is None else eye.newest.message.epoch
+        info = None if epoch is None else eye.infos.of(epoch)
+        if info is not None:
+            self._follower.set_camera(info)
 
     def _dated(self, received: Received[Tracks]) -> Received[Tracks] | None:
         """The same with the time at which its frame was taken; None if it is no frame of now."""
         now_s = received.arrived_s
-        taken_s, wrong = self._times.taken_s(received.message, now_s)
+        taken_s, wrong = self._eye.times.taken_s(received.message, now_s)
         if wrong:
-            reason = f"{keys.tracks(self._context.settings.camera)}: {wrong}"
+            reason = f"{keys.tracks(self._eye.camera)}: {wrong}"
             self._context.warn.warning("taken", reason, now_s)
             self._context.statistics.problem("taken", reason, now_s + 1.0)
             return None
         if taken_s is None:
-            ages = f"transit not counted: no {keys.taken(self._context.settings.camera)}"
+            ages = f"transit not counted: no {keys.taken(self._eye.camera)}"
         else:
-            ages = "from acquisition" if self._times.same_clock else "since the camera told"
+            ages = "from acquisition" if self._eye.times.same_clock else "since the camera told"
         self._context.statistics.detail("ages", ages)
         return replace(received, taken_s=taken_s)
 
     def _use_camera_of(self, epoch: int) -> None:
         """From the first frame of a start of the camera on its description counts."""
-        if epoch == self._info_epoch:
+        if epoch == self._eye.info_epoch:
             return
-        info = self._infos.of(epoch)
+        info = self._eye.infos.of(epoch)
         if info is not None:
-            self._info_epoch = epoch
+            self._eye.info_epoch = epoch
             with self._lock:
                 self._follower.set_camera(info)
+                self._sights.set_camera(self._eye.camera, info)
 
     def _look_after(self, now_s: float) -> None:
         """What the loop does between messages: words for health, a description still missing."""
@@ -249,10 +307,10 @@ class FollowerService:
             trouble = self._follower.trouble(now_s)
         if self._context.statistics.problem("sensors", trouble or None, now_s + 1.0) and trouble:
             self._context.log.warning("%s", trouble)
-        if self._newest is None or self._info_epoch == self._newest.message.epoch:
+        if self._eye.newest is None or self._eye.info_epoch == self._eye.newest.message.epoch:
             return
         try:
-            info = self._info_asked.poll(now_s)
+            info = self._eye.info_asked.poll(now_s)
         except MessageError as error:
             self._context.warn.warning("info-asked", f"{keys.info('*')}: {error}", now_s)
             return
@@ -277,7 +335,7 @@ class FollowerService:
             # Nothing is sent, and the drive stops by itself: sooner told than late.
             command = self._follower.halt("the follower cannot compute a command")
             state = self._follower.state
-        age_s = 0.0 if self._newest is None else self._newest.age_s(time.monotonic())
+        age_s = 0.0 if self._eye.newest is None else self._eye.newest.age_s(time.monotonic())
         self._out.send(command, age_s)
         self._context.statistics.output(started_s, time.monotonic() - started_s, age_s)
         self._tell(state, started_s)
@@ -320,11 +378,7 @@ class FollowerService:
             self._context.warn.warning(arrival.topic, f"{arrival.key}: {error}", arrival.arrived_s)
 
     def _take_taken(self, arrival: Arrival) -> None:
-        if arrival.encoding == EndOfStream.encoding():
-            return
-        received = self._taken.message(arrival, Taken)
-        if received is not None:
-            self._times.hear(received.message, received.arrived_s)
+        self._eye.hear("taken", arrival)
 
     def _take_ranges(self, arrival: Arrival) -> None:
         received = self._ranges.message(arrival, Ranges)
@@ -361,17 +415,17 @@ class FollowerService:
             self._follower.set_estop(engaged)
 
     def _take_info(self, info: CameraInfo, now_s: float) -> None:
-        if wrong := self._infos.hear(info):
-            reason = f"{keys.info(self._context.settings.camera)}: {wrong}"
+        if wrong := self._eye.infos.hear(info):
+            reason = f"{keys.info(self._eye.camera)}: {wrong}"
             self._context.warn.warning("info", reason, now_s)
             self._context.statistics.problem("info", reason, now_s + _TOLD_S)
-            epoch = None if self._newest is None else self._newest.message.epoch
-            if implausible(info) and info.epoch == epoch != self._info_epoch:
+            epoch = None if self._eye.newest is None else self._eye.newest.message.epoch
+            if implausible(info) and info.epoch == epoch != self._eye.info_epoch:
                 # No other sender describes the camera in use: the standard lens would be a guess.
                 with self._lock:
                     self._follower.refuse("camera", wrong, now_s)
-        elif self._newest is not None and info.epoch == self._newest.message.epoch:
-            self._info_epoch = None
+        elif self._eye.newest is not None and info.epoch == self._eye.newest.message.epoch:
+            self._eye.info_epoch = None
             self._use_camera_of(info.epoch)
 
     def _catch_up(self) -> None:
@@ -405,7 +459,7 @@ class FollowerService:
 
     def _ask_camera(self) -> None:
         context = self._context
-        key = keys.info(context.settings.camera)
+        key = keys.info(self._eye.camera)
         for info in latched_values(context.session, key, CameraInfo, context.log, context.stop):
             self._take_info(info, time.monotonic())
 
@@ -426,11 +480,28 @@ class FollowerService:
     def _choose(self, request: TargetRequest) -> Target:
         """Choose; a point without a track is told to the detector besides."""
         with self._lock:
+            if self._others:
+                self._look_where_chosen(request)
             target = self._follower.choose(request)
             pointed = self._follower.pointed
         if pointed is not None and self._live:
             self._pointed_out.put(encode(pointed), encoding=pointed.encoding())
         return target
+
+    def _look_where_chosen(self, request: TargetRequest) -> None:
+        """Turn to the camera whose tracker gave out the id that is chosen.
+
+        Raises:
+            TargetError: a point, which says nothing of a camera.
+        """
+        if request.mode == "point":
+            raise TargetError("in which of several cameras? choose a person that has a box")
+        for camera, eye in self._others.items():
+            newest = eye.newest
+            if newest is not None and request.tracker == newest.stamp.origin:
+                self._look_with(camera)
+                self._follower.observe(newest.message, newest.stamp.origin)
+                return
 
     def _stop_robot(self, successor: str | None) -> None:
         """Zero velocity on every way out; the robot's own watchdog covers the rest."""

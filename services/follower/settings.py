@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from heel.services.runtime.settings import ServiceSettings, StandbySettings, StrictSettings
+from heel.schemas.base import Name
+from heel.services.runtime.settings import (
+    ServiceSettings,
+    StandbySettings,
+    StrictSettings,
+    split_list,
+)
 
 
 class FollowerSettings(StrictSettings):
@@ -241,3 +247,19 @@ class FollowerSettings(StrictSettings):
 
 class FollowerServiceSettings(ServiceSettings, StandbySettings, FollowerSettings):
     """Settings of the follower process."""
+
+    cameras: Annotated[tuple[Name, ...], BeforeValidator(split_list)] = Field(
+        (),
+        max_length=3,
+        description="further cameras of the robot, comma separated, each with a tracker of its "
+        "own: the one that sees the target better is followed by",
+    )
+
+    @model_validator(mode="after")
+    def _has_cameras_that_differ(self) -> Self:
+        names = (self.camera, *self.cameras)
+        if len(set(names)) < len(names):
+            raise ValueError(f"camera and cameras name one twice: {', '.join(names)}")
+        if self.cameras and self.delivery == "lossless":
+            raise ValueError("several cameras are live only: leave out cameras or lossless")
+        return self

@@ -98,6 +98,14 @@ class TargetChoice:
             return False
         return True
 
+    def hand_over(self, tracks: Tracks, tracker: str, track_id: int, words: str) -> None:
+        """Call the chosen person by the id that another camera's tracker gave it."""
+        self._newcomers.clear()
+        self._newcomers.observe(tracks)
+        self._tracker, self._seen_ns = tracker, tracks.t_capture_ns
+        self._scene = (tracks.stream, tracks.epoch, tracks.width, tracks.height)
+        self._set(self.target.mode, track_id, words)
+
     def request(
         self, request: TargetRequest, tracks: Tracks | None, age_s: float, now_s: float
     ) -> bool:

@@ -121,6 +121,9 @@ ELSEWHERE = {
         "tests/unit/commands/test_systemd.py::test_a_stack_and_settings_of_ones_own",
     "heel systemd --user":
         "tests/unit/commands/test_systemd.py::test_the_users_own_units_are_where_systemd_looks",
+    "heel follower --cameras rear":
+        "tests/integration/test_follower_service.py::"
+        "test_another_camera_takes_over_the_person_that_leaves_the_picture",
     "heel router": _SERVICES,
     "heel capture scene:demo --loop": _SERVICES,
     "heel detector": _SERVICES,
@@ -228,6 +231,12 @@ NOT_RUN = {
     "sudo chown 10001 security/*.json5 security/page.pem security/page-users": "needs another user",
     "HEEL_PUBLISH=0.0.0.0 docker compose -f docker-compose.yml -f docker-compose.secure.yml up -d":
         "listens on the whole network; tests/unit/security/test_compose.py reads the files",
+    "heel capture /dev/video2 --camera rear --instance rear --mount-yaw-deg 180":
+        "hardware: a second camera; benchmarks/scale.py starts the like",
+    "heel detector --camera rear --instance rear": "as above",
+    "heel tracker --camera rear --instance rear": "as above",
+    "python -m benchmarks.scale --write docs/records/scale.md":
+        "minutes on a calm machine; it is its own test",
     "docker compose --profile demo build": "tests/docker/conftest.py builds the same image",
     "docker buildx bake -f docker-bake.hcl": "the same Dockerfile as `docker compose build`",
     "docker buildx create --use": "changes the developer's Docker",

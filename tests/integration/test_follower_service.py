@@ -33,18 +33,21 @@ from heel.services.runtime.clock import monotonic_clock
 from tests.support import network
 from tests.support.processes import running
 from tests.unit.follower.people import TRACKER, person, tracks
+from tests.unit.follower.test_sights import FRONT, OVERLAP, SIDE, frame, seen
 from tests.unit.follower.walking_world import INFO
 
 _PERIOD_S = 0.02
+SIDE_TRACKER = "tracker/side@00000002"
 
 
 class Robot:
     """Plays tracker, camera and wheels for a follower's process, and hears its state."""
 
-    def __init__(self, endpoint: str, resources: ExitStack) -> None:
+    def __init__(self, endpoint: str, resources: ExitStack, *flags: str) -> None:
         self.endpoint = endpoint
         self.session = resources.enter_context(network.client(endpoint))
         self._resources = resources
+        self.flags = flags
         self.states: list[FollowState] = []
         self.health: Health | None = None
         self.seq = 0
@@ -58,7 +61,7 @@ class Robot:
     def start(self) -> None:
         """Start the follower, or another after the one that has ended."""
         self.process = self._resources.enter_context(
-            running("-m", "heel.services.follower", "--connect", self.endpoint)
+            running("-m", "heel.services.follower", "--connect", self.endpoint, *self.flags)
         )
         network.wait_until(lambda: "is up" in self.process.stderr(), "the follower", 30.0)
 
@@ -289,3 +292,41 @@ def test_a_follower_that_waits_for_latched_values_ends_by_itself_when_told_to() 
             assert "forced exit" not in follower.stderr()
             assert code == 0, follower.stderr()
         queryable.undeclare()
+
+
+def test_another_camera_takes_over_the_person_that_leaves_the_picture() -> None:
+    with ExitStack() as resources:
+        endpoint = resources.enter_context(network.router())
+        robot = Robot(endpoint, resources, "--cameras", "side")
+        for info in (FRONT, SIDE):
+            robot.put(keys.info(info.stream), info, stamped=False)
+
+        def looking(*names: str) -> None:
+            robot.seq += 1
+            for name, info, tracker, number in (
+                ("front", FRONT, TRACKER, 1), ("side", SIDE, SIDE_TRACKER, 11),
+            ):  # fmt: skip
+                people = [seen(number, *OVERLAP, info)] if name in names else []
+                stamp = Stamp(producer=tracker, t_sent_ns=time.time_ns(), age_ns=0)
+                message = frame(info, robot.seq, *people)
+                robot.session.put(
+                    keys.tracks(name), encode(message), encoding=message.encoding(),
+                    attachment=encode(stamp),
+                )  # fmt: skip
+            time.sleep(_PERIOD_S)
+
+        def sights() -> str:
+            return "" if robot.health is None else robot.health.details.get("sights", "")
+
+        def once(what: str, told: Callable[[], bool], *names: str) -> None:
+            network.wait_until(lambda: looking(*names) or told(), what)
+
+        once("a first state", lambda: bool(robot.states), "front", "side")
+        robot.choose(TargetRequest(mode="id", track_id=1))
+        once("two cameras agree", lambda: sights() == "front, also side 11", "front", "side")
+        once("the other camera", lambda: robot.states[-1].target.track_id == 11, "side")
+        assert robot.states[-1].target.tracker == SIDE_TRACKER
+        # A click on the first camera's page turns back to it.
+        once("both", lambda: sights().startswith("side"), "front", "side")
+        robot.choose(TargetRequest(mode="id", track_id=1, tracker=TRACKER))
+        once("the first camera", lambda: robot.states[-1].target.tracker == TRACKER, "front")

@@ -146,6 +146,7 @@ CAPTURE: Table = {
     "horizontal_fov_deg": Changes(80.0, mounting, {"calibration": "camera.toml"}),
     "mount_height_m": Changes(0.4, mounting, {"calibration": "camera.toml"}),
     "mount_pitch_deg": Changes(-5.0, mounting, {"calibration": "camera.toml"}),
+    "mount_yaw_deg": Changes(180.0, mounting),
 }
 
 

@@ -91,6 +91,7 @@ EXAMPLES: tuple[Message, ...] = (
             model="equidistant", focal_px=(2.5, 2.75), centre_px=(1.5, 1.0),
             coefficients=(-0.25, 0.125),
         ),
+        mount_yaw_rad=3.0,
         host="0a1b2c3d-0000-4000-8000-00000000beef-4026531834",
     ),
     Blobs(
