@@ -76,6 +76,12 @@ for _name, _model, _summary in _SERVICES:
     _run = later(f"heel.services.{_name}.service")
     app.command(_name, rich_help_panel=SERVICES)(settings_command(_name, _model, _run, _summary))
 app.command("record", rich_help_panel=SERVICES)(record_command())
+# By the service's name as well, for units of systemd: it looks for no run.
+app.command("recorder", hidden=True)(
+    settings_command(
+        "recorder", RecorderSettings, later("heel.services.recorder.service"), "As heel record."
+    )
+)
 app.command("router", rich_help_panel=SERVICES)(
     settings_command(
         "router",
