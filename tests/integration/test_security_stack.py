@@ -1,4 +1,7 @@
-"""The whole robot with the files of `heel security init`: as the page of the guide starts it."""
+"""The whole robot with the files of `heel security init`: as the page of the guide starts it.
+
+The rules alone are tested in `test_security.py`, in the normal run.
+"""
 
 from __future__ import annotations
 
@@ -73,6 +76,7 @@ def state(robot: Robot, name: str = "operator") -> dict[str, object]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(240)
 def test_a_robot_with_certificates_sees_follows_and_stops(robot: Robot) -> None:
     def follows() -> bool:
