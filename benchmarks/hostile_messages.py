@@ -41,7 +41,7 @@ MOST_GROWTH_MB = 150.0
 arenas fill up once, a leak of one kB a message would be 900 MB."""
 MOST_LINES_S = 1.05
 """Once a second is what a service says of one kind of trouble."""
-_KINDS = ("refused", "two producers", "an end that")
+_KINDS = ("refused", "epoch", "an end that")
 _QUESTION_EVERY = 20
 _ANSWER_S = 0.5
 _TRACKS_S = 60.0

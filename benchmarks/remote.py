@@ -44,7 +44,7 @@ LAYOUTS = {
     "detector, drive, page": ("detector", "drive", "web"),
 }
 MOST_AGE_MS = 150.0
-_UP_S = 60.0
+_UP_S = 180.0
 _SETTLE_S = 3.0
 
 

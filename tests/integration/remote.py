@@ -83,7 +83,9 @@ class Recipe:
         password = str(users.with_name("password"))
         text = text.replace("$PWD/password", password).replace("> password", f"> {password}")
         text = text.replace("cat password", f"cat {password}")
-        self.robot, self.other = re.findall(r"^```sh\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+        self.robot, self.other, _, self.more = re.findall(
+            r"^```sh\n(.*?)^```$", text, re.DOTALL | re.MULTILINE
+        )
 
     @staticmethod
     def environment(block: str) -> dict[str, str]:
@@ -128,7 +130,8 @@ def _is_up(process: Running) -> bool:
 @contextmanager
 def elsewhere(link: Link, recipe: Recipe, service: str) -> Iterator[Running]:
     """The other host's block for a service, run inside the namespace."""
-    words = [service, *recipe.commands(recipe.other)["detector"][1:]]
+    usual = [service, *recipe.commands(recipe.other)["detector"][1:]]
+    words = recipe.commands(recipe.more).get(service, usual)
     # A host of its own: another boot, and shared memory that nobody else sees.
     disguise = (f"mount -t tmpfs tmpfs /dev/shm && mount --bind {_boot_id()} {_BOOT_ID} && "
                 'exec "$@"')  # fmt: skip

@@ -149,6 +149,8 @@ ELSEWHERE = {
     "heel follower &": _REMOTE,
     "export HEEL_ZENOH__CONNECT=tcp/192.168.1.7:7447": _REMOTE,
     "heel detector --instance remote &": _REMOTE,
+    "heel web --instance remote &": _REMOTE,
+    "heel drive --instance remote --driver log &": _REMOTE,
     "heel drive --driver serial-board --driver-options /dev/ttyUSB0":
         "tests/unit/drive/test_serial_example.py::test_the_board_is_told_velocities_and_stops",
     **dict.fromkeys(

@@ -104,6 +104,20 @@ def _assert_the_second_is_told_of(service: str, processes: dict[str, Running]) -
     )
 
 
+def test_page_and_drive_run_elsewhere(link: Link, recipe: Recipe, port: int) -> None:
+    """The drive obeys the robot's follower, and the page gets JPEGs."""
+    with (
+        robot(recipe, port, "router", "capture", "follower") as processes,
+        elsewhere(link, recipe, "web") as page, elsewhere(link, recipe, "drive") as drive,
+    ):  # fmt: skip
+        wait_until(lambda: "is up" in page.stderr(), "the page", DEADLINE_S)
+        wait_until(lambda: "is up" in drive.stderr(), "the drive", DEADLINE_S)
+        assert "frames come as JPEG" in page.stderr()
+        wait_until(lambda: "told to: " in drive.stderr(), "commands at the drive", DEADLINE_S)
+        processes["follower"].stop(signal.SIGKILL, 5.0)
+        wait_until(lambda: "no command for" in drive.stderr(), "the watchdog", DEADLINE_S)
+
+
 def test_only_users_of_the_file_get_in(link: Link, recipe: Recipe, port: int) -> None:
     known = recipe.environment(recipe.robot)
     strangers: tuple[dict[str, str], ...] = (
