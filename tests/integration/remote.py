@@ -61,6 +61,7 @@ def other_network() -> Iterator[Link]:
         assert _ip("link", "set", here, "up")
         assert _ip("-n", name, "addr", "add", f"{subnet}.2/30", "dev", there)
         assert _ip("-n", name, "link", "set", there, "up")
+        assert _ip("-n", name, "link", "set", "lo", "up")
         yield Link(name, f"{subnet}.1")
     finally:
         # The pair goes with the namespace; by hand, in case it never got that far.
