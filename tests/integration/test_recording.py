@@ -45,13 +45,12 @@ def test_a_recording_is_run_and_gives_the_same_tracks_byte_for_byte(tmp_path: Pa
     path = scene_as_recorded(tmp_path / "scene.mcap")
     runs = {"scene": [SCENE, "--in-process"], "recording": [str(path)]}
     for name, words in runs.items():
-        code, _, errors = finished(
-            "-m", "heel", "run", *words, "--out", str(tmp_path / name), deadline_s=150.0
-        )
+        words = ["-m", "heel", "run", *words, "--frames", "90", "--out", str(tmp_path / name)]
+        code, _, errors = finished(*words, deadline_s=150.0)
         assert code == 0, errors
     for file in ("tracks.txt", "commands.csv"):
         told = (tmp_path / "scene" / file).read_bytes()
-        assert told.count(b"\n") > 50
+        assert told.count(b"\n") > 20
         assert (tmp_path / "recording" / file).read_bytes() == told
 
 
