@@ -20,10 +20,16 @@ from heel.schemas.keys import chunk
 
 PageRole = Literal["watch", "operate"]
 """Looking only; or choosing, stopping and releasing, too."""
-_N, _R, _P = 1 << 14, 8, 5
+# scrypt's costs, as that page names them.
+_N = 1 << 14
+_R = 8
+_P = 5
 _MOST_MEMORY_BYTES = 64 << 20
 """That scrypt may use: four times what it needs."""
-_SALT_BYTES, _HASH_BYTES = 16, 32
+_SALT_BYTES = 16
+"""128 random bits, as the same page asks for."""
+_HASH_BYTES = 32
+"""256 bits: more than a password of a person holds."""
 LEAST_PASSWORD = 10
 """Characters of a password: with as few attempts as the page takes, enough. Chosen by hand."""
 _MOST_PASSWORD = 256

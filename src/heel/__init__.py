@@ -41,6 +41,7 @@ if TYPE_CHECKING:
         Evidence,
         FollowState,
         FrameId,
+        Handover,
         Header,
         Health,
         HeelError,
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
         SimPerson,
         SimTruth,
         SimWorld,
+        Snapshot,
         SourceError,
         Stamp,
         Taken,
@@ -82,11 +84,12 @@ _API_NAMES = frozenset({
 __all__ = [
     "MESSAGES", "Blob", "Blobs", "CameraInfo", "CameraMotion", "DetectorSettings", "DriveState",
     "EStop", "EndOfStream", "Evidence", "FollowState", "Follower", "FollowerSettings", "Frame",
-    "FrameId", "Header", "Health", "HeelError", "Image", "KeyNameError", "Message", "MessageError",
-    "MotionCommand", "Odometry", "Patch", "Pointed", "Pose", "Progress", "RangeSector", "Ranges",
-    "SettingsError", "SimObstacle", "SimPerson", "SimTruth", "SimWorld", "SourceError", "Stamp",
-    "Taken", "Target", "TargetChoice", "TargetRequest", "Track", "TrackEvent", "Tracker",
-    "TrackerSettings", "Tracks", "Video", "__version__", "decode", "encode", "open", "track",
+    "FrameId", "Handover", "Header", "Health", "HeelError", "Image", "KeyNameError", "Message",
+    "MessageError", "MotionCommand", "Odometry", "Patch", "Pointed", "Pose", "Progress",
+    "RangeSector", "Ranges", "SettingsError", "SimObstacle", "SimPerson", "SimTruth", "SimWorld",
+    "Snapshot", "SourceError", "Stamp", "Taken", "Target", "TargetChoice", "TargetRequest", "Track",
+    "TrackEvent", "Tracker", "TrackerSettings", "Tracks", "Video", "__version__", "decode",
+    "encode", "open", "track",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # a checker would take every misspelt name for an attribute

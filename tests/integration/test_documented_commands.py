@@ -216,6 +216,8 @@ IN_CI = {"make demo", "make test", "make docs", "make lint", "make layers", "mak
 """Steps of `.ci/run`."""
 
 NOT_RUN = {
+    "python -m benchmarks.remote --write docs/records/remote.md": "network namespaces, and minutes",
+    "python -m benchmarks.soak --minutes 30 --write docs/records/soak.md": "half an hour",
     "pip install 'heel-follow[ros2]'": "100 packages; make test-ros2 installs them",
     "heel ros2 --check": "needs a robot's ROS; tests/ros2 runs the bridge beside one",
     "heel ros2 --image-topic camera/image_raw --command-topic cmd_vel --horizontal-fov-deg 69":

@@ -98,7 +98,9 @@ def _numbers(schema: dict[str, Any], _: dict[str, Any]) -> st.SearchStrategy[flo
     )
 
 
-def _strings(schema: dict[str, Any], _: dict[str, Any]) -> st.SearchStrategy[str]:
+def _strings(schema: dict[str, Any], _: dict[str, Any]) -> st.SearchStrategy[str | bytes]:
+    if schema.get("format") == "binary":
+        return st.binary(max_size=20)
     if "pattern" in schema:
         return st.from_regex(schema["pattern"].removesuffix("$") + r"\Z")
     least, most = schema.get("minLength", 0), schema.get("maxLength", 20)

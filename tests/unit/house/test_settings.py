@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 175
+MOST = 183
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,

@@ -253,9 +253,9 @@ def test_what_is_not_one_map_is_refused(payload: bytes) -> None:
 
 
 def test_unknown_keys_are_ignored_so_that_newer_senders_can_add_some() -> None:
-    fields = fields_of(EXAMPLES[-1])
-    later = msgpack.packb(fields | {"added_in_2030": [1, {"x": 2}]})
-    assert decode(Progress, later) == EXAMPLES[-1]
+    example = next(e for e in EXAMPLES if isinstance(e, Progress))
+    later = msgpack.packb(fields_of(example) | {"added_in_2030": [1, {"x": 2}]})
+    assert decode(Progress, later) == example
 
 
 @pytest.mark.parametrize(
