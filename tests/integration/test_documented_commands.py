@@ -216,6 +216,7 @@ IN_CI = {"make demo", "make test", "make docs", "make lint", "make layers", "mak
 """Steps of `.ci/run`."""
 
 NOT_RUN = {
+    "heel scenarios --pixels --episodes 84 --seed 21000 --model person-192": "an hour; a network",
     "python -m benchmarks.remote --write docs/records/remote.md": "network namespaces, and minutes",
     "python -m benchmarks.soak --minutes 30 --write docs/records/soak.md": "half an hour",
     "pip install 'heel-follow[ros2]'": "100 packages; make test-ros2 installs them",
