@@ -6,7 +6,7 @@ READY := $(VENV)/ready
 INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PIP := $(BIN)/python $(INSTALL)
 TIMELESS := $(patsubst %,tests/integration/test_%.py,\
-	documented_commands own_detector packages python_api run_with_model)
+	documented_commands own_detector packages python_api run_with_model security)
 PEERS := .venv-peers
 PEERS_PIP := $(PEERS)/bin/python $(INSTALL)
 

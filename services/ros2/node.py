@@ -209,7 +209,8 @@ def _import() -> Any:
     except ImportError as error:
         raise HeelError(
             f"ROS 2 is not there ({error}): source the robot's installation "
-            "(`. /opt/ros/*/setup.sh`), or `pip install 'heel-follow[ros2]'`"
+            "(`. /opt/ros/*/setup.sh`), or pip install ros-rclpy ros-geometry-msgs ros-nav-msgs "
+            "ros-sensor-msgs ros-rmw-fastrtps-cpp"
         ) from error
     del Twist, Odometry, Image, Bool
     return rclpy

@@ -252,7 +252,7 @@ def test_bytes_that_are_no_message_are_told_of_and_end_nothing(endpoint: str) ->
 def test_a_topic_that_nobody_sends_and_what_is_no_topic_are_errors(endpoint: str) -> None:
     with pytest.raises(HeelError, match="nothing came on nobody/sends: `heel topics`"):
         tool(endpoint, "hz nobody/sends --for 0.3")
-    with pytest.raises(SettingsError, match="is no topic: name one of image, taken"):
+    with pytest.raises(SettingsError, match="is no topic: name one of image, jpeg, taken"):
         tool(endpoint, "echo a//b")
 
 

@@ -219,7 +219,8 @@ NOT_RUN = {
     "heel scenarios --pixels --episodes 84 --seed 21000 --model person-192": "an hour; a network",
     "python -m benchmarks.remote --write docs/records/remote.md": "network namespaces, and minutes",
     "python -m benchmarks.soak --minutes 30 --write docs/records/soak.md": "half an hour",
-    "pip install 'heel-follow[ros2]'": "100 packages; make test-ros2 installs them",
+    "pip install ros-rclpy ros-geometry-msgs ros-nav-msgs ros-sensor-msgs ros-rmw-fastrtps-cpp":
+        "100 packages; make test-ros2 installs them",
     "heel ros2 --check": "needs a robot's ROS; tests/ros2 runs the bridge beside one",
     "heel ros2 --image-topic camera/image_raw --command-topic cmd_vel --horizontal-fov-deg 69":
         "needs a robot's ROS; tests/ros2 runs the bridge beside one",

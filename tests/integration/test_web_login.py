@@ -125,7 +125,9 @@ def test_a_viewer_that_logs_out_is_shown_nothing_more(page: Page) -> None:
                 assert page.ask("/api/state", Cookie=cookie)[0] == 401
                 return viewer.close_code
 
-    assert asyncio.run(watch()) == aiohttp.WSCloseCode.POLICY_VIOLATION
+    # The reason is lost where the connection ends before it is read.
+    ended = {aiohttp.WSCloseCode.POLICY_VIOLATION, aiohttp.WSCloseCode.ABNORMAL_CLOSURE}
+    assert asyncio.run(watch()) in ended
 
 
 def test_guessing_is_slowed_down_and_hurts_nobody_that_is_logged_in(page: Page) -> None:
