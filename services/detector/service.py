@@ -58,6 +58,36 @@ class _Found:
     arrived_s: float
 
 
+class Unanswered:
+    """What one that stands by has found and nobody has answered: the newest, and since when."""
+
+    def __init__(self) -> None:
+        self.newest: deque[_Found] = deque(maxlen=_MOST_UNANSWERED)
+        self.since_s: float | None = None
+        """When the oldest of them came, those that are not kept any more included."""
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.newest.clear()
+        self.since_s = None
+
+    def add(self, found: _Found) -> None:
+        """A frame whose answer has not been heard."""
+        if self.since_s is None:
+            self.since_s = found.arrived_s
+        self.newest.append(found)
+
+    def answered(self, told: Blobs) -> None:
+        """That answer was heard: of its frame and of all before."""
+        while self.newest:
+            own = self.newest[0]
+            if own.blobs.epoch == told.epoch and own.blobs.seq > told.seq:
+                self.since_s = own.arrived_s
+                return
+            self.newest.popleft()
+        self.since_s = None
+
+
 class DetectorService:
     """Wires the detector core to its topics."""
 
@@ -65,7 +95,7 @@ class DetectorService:
         self, context: ServiceContext[DetectorServiceSettings], resources: ExitStack
     ) -> None:
         self._context = context
-        self._unanswered: deque[_Found] = deque(maxlen=_MOST_UNANSWERED)
+        self._unanswered = Unanswered()
         self._settings = context.settings
         if context.settings.hint is not None:
             context.log.info("%s", context.settings.hint)
@@ -102,8 +132,8 @@ class DetectorService:
                 if not context.running:
                     return
             succession.lead(line, state=False, yields=context.settings.standby and line is None)
-            for blobs in self._unanswered:
-                self._send(blobs, time.monotonic())
+            for found in self._unanswered.newest:
+                self._send(found, time.monotonic())
             self._unanswered.clear()
             if self._lead():
                 return
@@ -136,7 +166,7 @@ class DetectorService:
         standing = StandingBy(context.session, context.producer, resources)
         self._unanswered.clear()
         ready = False
-        while context.running and not standing.is_due(self._oldest_s(), ready):
+        while context.running and not standing.is_due(self._unanswered.since_s, ready):
             with context.surviving("standing by"):
                 for arrival in context.inbox.all_of(_TURN_S, "image", "blobs"):
                     if arrival.encoding == EndOfStream.encoding():
@@ -145,25 +175,15 @@ class DetectorService:
                         other = self._others.message(arrival, Blobs)
                         if other is not None:
                             standing.hear(other.stamp, other.arrived_s)
-                            self._forget_answered(other.message)
+                            self._unanswered.answered(other.message)
                     elif (found := self._found(arrival)) is not None:
                         ready = found.blobs.background == "valid" or found.blobs.kind == "people"
-                        self._unanswered.append(found)
+                        self._unanswered.add(found)
             context.statistics.detail(STANDBY, standing.told(ready, "it learns the background"))
         context.statistics.detail(STANDBY, None)
         if context.running:
             context.log.warning("%s: taking over", standing.why)
         return standing.line
-
-    def _oldest_s(self) -> float | None:
-        return self._unanswered[0].arrived_s if self._unanswered else None
-
-    def _forget_answered(self, told: Blobs) -> None:
-        while self._unanswered:
-            own = self._unanswered[0].blobs
-            if own.epoch == told.epoch and own.seq > told.seq:
-                return
-            self._unanswered.popleft()
 
     def _may_send(self) -> bool:
         return self._succession is None or self._succession.may_send(self._context.stop.wait)
