@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from heel.services.ros2.node import RosNode, topics_of
+from heel.services.ros2.outputs import outputs_of
 from heel.services.ros2.settings import Ros2Settings
 
 _DISCOVERY_S = 3.0
@@ -62,6 +63,14 @@ def judged_output(topic: str, kind: str, ends: Sequence[End]) -> Finding:
     return Finding(f"{topic}: {kind}, {len(ends)} listener{'s' * (len(ends) > 1)}")
 
 
+def judged_told(topic: str, kind: str, ends: Sequence[End]) -> Finding:
+    """Of a topic on which something is told that no robot needs: without listeners all is well."""
+    wrong = sorted({end.kind for end in ends} - {kind})
+    if wrong:
+        return Finding(f"{topic}: the robot wants {', '.join(wrong)}, not {kind}", "another topic")
+    return Finding(f"{topic}: {kind}, {len(ends) or 'no'} listener{'s' * (len(ends) != 1)}")
+
+
 def check(settings: Ros2Settings) -> int:
     """Print what is there; 0 if all fits, 1 if not.
 
@@ -84,6 +93,10 @@ def check(settings: Ros2Settings) -> int:
         wanted = f"geometry_msgs/msg/Twist{'Stamped' if settings.command_stamped else ''}"
         ends = [_end(one) for one in node.get_subscriptions_info_by_topic(name)]
         findings.append(judged_output(name, wanted, ends))
+        for output in outputs_of(settings).values():
+            name = node.resolve_topic_name(output.topic)
+            ends = [_end(one) for one in node.get_subscriptions_info_by_topic(name)]
+            findings.append(judged_told(name, f"{output.package}/msg/{output.message}", ends))
     for finding in findings:
         failed = failed or bool(finding.remedy)
         print(f"{'wrong' if finding.remedy else 'ok   '}  {finding.words}")

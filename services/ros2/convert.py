@@ -7,13 +7,17 @@ those of REP 103: x ahead, y left, angles to the left; ranges those of REP 117.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from heel.schemas import HeelError, Odometry, RangeSector
+from heel.schemas import CameraInfo, Health, HeelError, Odometry, RangeSector, Tracks
 from heel.schemas.frame import LensModel
 from heel.schemas.robot import MAX_RANGE_M, MAX_SECTORS
+from heel.services.geometry.camera import camera_from_info, resized
+from heel.services.geometry.person import locate_person
+from heel.services.runtime.chain import BEATS_MISSED
 
 _JUMP_M = 2.0
 """Metres between two odometry messages from which the robot's own frame was set anew; chosen by
@@ -136,3 +140,80 @@ class OdometryReader:
             origin[0] + ahead * cosine - left * sine, origin[1] + ahead * sine + left * cosine,
             math.remainder(now[2] + turn, 2 * math.pi),
         )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class PersonThere:
+    """One person as ROS is told of them.
+
+    Attributes:
+        x_m, y_m: ahead and to the left of the robot; None where nothing tells the distance.
+        box_xyxy: pixels of the published picture.
+        chosen: whether it is the one to be followed.
+    """
+
+    id: int
+    x_m: float | None
+    y_m: float | None
+    box_xyxy: tuple[float, float, float, float]
+    confidence: float
+    chosen: bool
+
+
+def people_of(tracks: Tracks, info: CameraInfo | None, chosen_id: int | None) -> list[PersonThere]:
+    """The people of a frame that a user is shown.
+
+    Args:
+        tracks: of the frame.
+        info: of the camera; without it only a measured distance and bearing make a place.
+        chosen_id: of the person to be followed.
+    """
+    camera = None if info is None else camera_from_info(resized(info, tracks.width, tracks.height))
+    yaw_rad = 0.0 if info is None else info.mount_yaw_rad or 0.0
+    people = []
+    for track in tracks.tracks:
+        if not track.shown:
+            continue
+        seen = None if camera is None else locate_person(track.box_xyxy, camera)
+        distance_m = seen.distance_m if track.distance_m is None and seen else track.distance_m
+        bearing_rad = seen.bearing_rad if track.bearing_rad is None and seen else track.bearing_rad
+        x_m = y_m = None
+        if distance_m is not None and bearing_rad is not None:
+            x_m = distance_m * math.cos(bearing_rad + yaw_rad)
+            y_m = distance_m * math.sin(bearing_rad + yaw_rad)
+        people.append(PersonThere(track.id, x_m, y_m, track.box_xyxy, track.identity_confidence,
+                                  track.id == chosen_id))  # fmt: skip
+    return people
+
+
+@dataclass(frozen=True, slots=True)
+class PartStatus:
+    """One entry of a diagnostic_msgs/DiagnosticArray."""
+
+    name: str
+    level: int
+    message: str
+    values: dict[str, str]
+
+
+OK, WARN, ERROR, STALE = range(4)
+"""Levels of diagnostic_msgs/DiagnosticStatus."""
+_LEVELS = {"starting": WARN, "ok": OK, "degraded": WARN, "error": ERROR, "ended": STALE}
+_COUNTERS = ("rate_in_hz", "rate_out_hz", "received", "sent", "dropped", "malformed", "busy_ms_p95",
+             "age_ms_p95", "cpu_s", "rss_mb", "uptime_s")  # fmt: skip
+
+
+def status_of(health: Health, silent_s: float) -> PartStatus:
+    """What a service last said of itself.
+
+    Args:
+        health: the message.
+        silent_s: since it came. A part that misses `BEATS_MISSED` messages is stale.
+    """
+    level, message = _LEVELS[health.state], health.reason or health.state
+    if health.state != "ended" and silent_s > BEATS_MISSED * health.period_s:
+        level, message = STALE, f"silent for {silent_s:.1f} s"
+    values = {name: f"{getattr(health, name):g}" for name in _COUNTERS}
+    return PartStatus(
+        f"heel: {health.service}/{health.instance}", level, message, values | health.details
+    )

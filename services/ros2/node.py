@@ -6,13 +6,15 @@ Nothing is latched: velocities go out volatile, and the last ones of a process a
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Self
 
 from heel.schemas.errors import HeelError
+from heel.services.ros2 import outputs
+from heel.services.ros2.convert import PartStatus, PersonThere
 from heel.services.ros2.settings import Ros2Settings
 
 _SPIN_S = 0.05
@@ -73,11 +75,10 @@ class RosNode:
         self._executor.add_node(self.node)
         self._subscribe()
         self._command = self._publisher(settings.command_topic, self._command_type())
-        self._target = None
-        if settings.target_topic:
-            from geometry_msgs.msg import PoseStamped
-
-            self._target = self._publisher(settings.target_topic, PoseStamped)
+        self._outputs = {
+            name: self._publisher(output.topic, output.kind())
+            for name, output in outputs.outputs_of(settings).items()
+        }
         self._thread = threading.Thread(target=self._spin, name="ros", daemon=True)
 
     def __enter__(self) -> Self:
@@ -124,7 +125,7 @@ class RosNode:
 
     def send_target(self, x_m: float, y_m: float) -> None:
         """Say where the target is, from the robot: x ahead, y left."""
-        if self._target is None:
+        if "target" not in self._outputs:
             return
         from geometry_msgs.msg import PoseStamped
 
@@ -133,7 +134,28 @@ class RosNode:
         message.header.frame_id = self._settings.command_frame
         message.pose.position.x, message.pose.position.y = x_m, y_m
         message.pose.orientation.w = 1.0
-        self._target.publish(message)
+        self._outputs["target"].publish(message)
+
+    def send_people(self, people: Sequence[PersonThere], picture: Any) -> None:
+        """Say where people are.
+
+        Args:
+            people: of a frame.
+            picture: std_msgs/Header of the frame's picture; None: it did not come from ROS.
+        """
+        from std_msgs.msg import Header
+
+        header = picture or Header(stamp=self.node.get_clock().now().to_msg())
+        if "people" in self._outputs:
+            told = outputs.markers(people, header.stamp, self._settings.command_frame)
+            self._outputs["people"].publish(told)
+        if "detections" in self._outputs:
+            self._outputs["detections"].publish(outputs.detections(people, header))
+
+    def send_diagnostics(self, parts: Sequence[PartStatus], robot: str) -> None:
+        """Say how every part is; `robot` is its name."""
+        stamp = self.node.get_clock().now().to_msg()
+        self._outputs["diagnostics"].publish(outputs.diagnostics(parts, stamp, robot))
 
     def _command_type(self) -> Any:
         from geometry_msgs.msg import Twist, TwistStamped

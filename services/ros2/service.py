@@ -40,6 +40,7 @@ from heel.services.ros2.convert import (
 )
 from heel.services.ros2.node import Heard, RosNode
 from heel.services.ros2.settings import Ros2Settings
+from heel.services.ros2.telling import Telling
 from heel.services.runtime import qos
 from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.images import ImagePublisher, StreamIdentity, image_header
@@ -76,6 +77,8 @@ class Bridge:
         self._image = ImagePublisher(context, s.jpeg_quality, None)
         self._odometry = context.publisher(keys.ROBOT_ODOMETRY, qos.ODOMETRY)
         self._ranges = context.publisher(keys.ROBOT_RANGE, qos.RANGES)
+        self._telling = Telling(context, node)
+        self._state: FollowState | None = None
         self._reader = OdometryReader()
         self._frames = self._scans = 0
         self._described: tuple[object, ...] | None = None
@@ -94,6 +97,7 @@ class Bridge:
             self._hear(self._node.take())
             self._command(time.monotonic())
             self._say_target()
+            self._telling.tell(time.monotonic(), self._state)
         end = EndOfStream(
             stream=self._identity.stream, epoch=self._identity.epoch, frames=self._frames,
             reason="the bridge to ROS 2 was stopped",
@@ -164,6 +168,7 @@ class Bridge:
         )  # fmt: skip
         self._taken.send(taken, 0.0)
         self._image.send(header, picture)
+        self._telling.picture(header.epoch, seq, heard.picture.header)
         self._frames += 1
         done_s = time.monotonic()
         self._context.statistics.output(done_s, done_s - now_s, age_ns * 1e-9 + done_s - now_s)
@@ -216,7 +221,7 @@ class Bridge:
         if arrival is None:
             return
         try:
-            state = decode(FollowState, arrival.payload, arrival.encoding)
+            self._state = state = decode(FollowState, arrival.payload, arrival.encoding)
         except MessageError as error:
             self._context.warn.warning("state", f"{error}", arrival.arrived_s)
             return

@@ -50,6 +50,18 @@ class Ros2Settings(ServiceSettings):
         "", description="geometry_msgs/PoseStamped: where the target is, for Nav2's following; "
         "empty: none"
     )  # fmt: skip
+    people_topic: Topic = Field(
+        "", description="visualization_msgs/MarkerArray: where people stand, for RViz and "
+        "Foxglove; empty: none"
+    )  # fmt: skip
+    detections_topic: Topic = Field(
+        "", description="vision_msgs/Detection2DArray: people's boxes in the picture, with ids; "
+        "empty: none"
+    )  # fmt: skip
+    diagnostics_topic: Topic = Field(
+        "", description="diagnostic_msgs/DiagnosticArray: every part's health once a second, "
+        "usually diagnostics; empty: none"
+    )  # fmt: skip
     scan_yaw_deg: float = Field(
         0.0, ge=-180, le=180, description="where the scanner looks, degrees from ahead, left is "
         "positive"

@@ -95,8 +95,9 @@ ROLES: dict[str, Access] = {
     "ros2": Access(
         "be camera, odometry, ranges and wheels of a robot that speaks ROS 2",
         sends=(*_PICTURES, keys.ROBOT_ODOMETRY, keys.ROBOT_RANGE, keys.FOLLOW_ESTOP),
-        hears=(keys.ROBOT_DRIVE, keys.FOLLOW_STATE, _PROGRESS),
+        hears=(keys.ROBOT_DRIVE, keys.FOLLOW_STATE, keys.ALL_TRACKS, keys.ALL_HEALTH, _PROGRESS),
         answers=(_INFO, keys.FOLLOW_ESTOP),
+        asks=(_INFO,),
     ),
     "web": Access(
         "serve the page: show everything, choose, stop and release for its users",

@@ -221,6 +221,7 @@ NOT_RUN = {
     "python -m benchmarks.soak --minutes 30 --write docs/records/soak.md": "half an hour",
     "pip install ros-rclpy ros-geometry-msgs ros-nav-msgs ros-sensor-msgs ros-rmw-fastrtps-cpp":
         "100 packages; make test-ros2 installs them",
+    "pip install ros-visualization-msgs ros-diagnostic-msgs": "as above",
     "heel ros2 --check": "needs a robot's ROS; tests/ros2 runs the bridge beside one",
     "heel ros2 --image-topic camera/image_raw --command-topic cmd_vel --horizontal-fov-deg 69":
         "needs a robot's ROS; tests/ros2 runs the bridge beside one",

@@ -6,6 +6,7 @@ Needs rclpy, in an environment of its own; the conversions alone are tested with
 from __future__ import annotations
 
 import array
+import math
 import os
 import signal
 import threading
@@ -19,12 +20,24 @@ import numpy as np
 import pytest
 import zenoh
 
-from heel.schemas import CameraInfo, EStop, Header, Odometry, Ranges, decode, keys
+from heel.schemas import (
+    CameraInfo,
+    EStop,
+    Header,
+    Odometry,
+    Ranges,
+    Stamp,
+    Track,
+    Tracks,
+    decode,
+    encode,
+    keys,
+)
 from heel.schemas.image import decode_image
 from tests.support import network
 from tests.support.driving import drive_process
 from tests.support.network import wait_until
-from tests.support.processes import Running, running
+from tests.support.processes import Running, finished, running
 
 rclpy = pytest.importorskip("rclpy", reason="no ROS 2 here: make test-ros2 brings it")
 DOMAIN = str(1 + os.getpid() % 99)
@@ -93,6 +106,7 @@ def session(endpoint: str) -> Iterator[zenoh.Session]:
 @pytest.fixture(scope="module")
 def bridge(endpoint: str) -> Iterator[Running]:
     command = ("-P", "-m", "heel.services.ros2", "--connect", endpoint, "--estop-topic", "estop",
+               "--people-topic", "people", "--diagnostics-topic", "diagnostics",
                "--log-level", "info")  # fmt: skip
     with running(
         *command, ROS_DOMAIN_ID=DOMAIN, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST"
@@ -197,6 +211,89 @@ def test_the_robots_stop_button_engages_the_emergency_stop(
         told = decode(EStop, stops.get().payload.to_bytes())
     assert told.engaged
     assert "estop" in told.source
+
+
+def test_people_are_drawn_where_they_stand_at_the_time_of_their_picture(
+    base: Base, bridge: Running, session: Any
+) -> None:
+    from sensor_msgs.msg import CameraInfo as RosInfo
+    from sensor_msgs.msg import Image
+    from visualization_msgs.msg import Marker, MarkerArray
+
+    heard: list[Any] = []
+    listener = base.node.create_subscription(MarkerArray, "people", heard.append, 10)
+    publishers = sensors(base)
+    image = Image(height=48, width=64, encoding="bgr8", step=192)
+    image.data = array.array("B", bytes(48 * 192))
+    image.header.stamp.sec, image.header.stamp.nanosec = 1234, 5678
+    told = Stamp(producer="tracker/main@00000001", t_sent_ns=0, age_ns=0)
+    person = Track(
+        id=7, state="tracked", box_xyxy=(30.0, 5.0, 34.0, 40.0), velocity_pxps=(0.0, 0.0),
+        area_px=1.0, span_px=1.0, identity_confidence=0.9, shown=True, distance_m=2.0,
+        bearing_rad=0.5,
+    )  # fmt: skip
+    with network.collected(session, keys.image("front")) as images:
+
+        def arrived() -> bool:
+            publishers["camera/camera_info"].publish(RosInfo())
+            publishers["camera/image_raw"].publish(image)
+            time.sleep(0.05)
+            while images.qsize():
+                header = decode(Header, images.get().attachment.to_bytes())
+                tracks = Tracks(**header.frame_id().model_dump(), width=64, height=48,
+                                source_width=64, source_height=48, tracks=(person,))  # fmt: skip
+                session.put(keys.tracks("front"), encode(tracks), encoding=tracks.encoding(),
+                            attachment=encode(told))  # fmt: skip
+            return len(heard) > 0
+
+        wait_until(arrived, "markers", 20.0)
+    body, words = heard[-1].markers
+    assert (body.type, words.type) == (Marker.CYLINDER, Marker.TEXT_VIEW_FACING)
+    assert (body.id, words.text) == (7, "7")
+    assert body.pose.position.x == pytest.approx(2.0 * math.cos(0.5))
+    assert body.pose.position.y == pytest.approx(2.0 * math.sin(0.5))
+    assert body.header.frame_id == "base_link"
+    assert (body.header.stamp.sec, body.header.stamp.nanosec) == (1234, 5678)
+    assert 0 < body.lifetime.nanosec < 10**9
+    base.node.destroy_subscription(listener)
+
+
+def test_health_of_every_part_comes_as_diagnostics(
+    base: Base, bridge: Running, endpoint: str, session: Any
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+    heard: list[Any] = []
+    listener = base.node.create_subscription(DiagnosticArray, "diagnostics", heard.append, 10)
+
+    def latest() -> dict[str, Any]:
+        return {one.name: one for one in heard[-1].status} if heard else {}
+
+    with drive_process(endpoint, session) as drive:
+        wait_until(lambda: len(latest()) >= 2, "two parts", 20.0)
+        (name,) = (name for name in latest() if name.startswith("heel: drive/"))
+        wait_until(lambda: latest()[name].level == DiagnosticStatus.OK, "a drive that is well", 9.0)
+        assert any(pair.key == "rate_out_hz" for pair in latest()[name].values)
+        drive.process.process.send_signal(signal.SIGKILL)
+        wait_until(lambda: latest()[name].level == DiagnosticStatus.STALE, "it to be stale", 9.0)
+    assert "heel: ros2/main" in latest()
+    base.node.destroy_subscription(listener)
+
+
+def test_the_check_says_what_is_there_and_what_does_not_fit(base: Base, bridge: Running) -> None:
+    from visualization_msgs.msg import Marker
+
+    wrong = base.node.create_subscription(Marker, "people", lambda _: None, 10)
+    command = ("-P", "-m", "heel.services.ros2", "--check", "--node", "checking",
+               "--people-topic", "people", "--diagnostics-topic", "diagnostics")  # fmt: skip
+    code, out, _ = finished(
+        *command, ROS_DOMAIN_ID=DOMAIN, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST", deadline_s=30.0
+    )
+    base.node.destroy_subscription(wrong)
+    assert code == 1
+    assert "ok     /cmd_vel: geometry_msgs/msg/Twist, 1 listener" in out
+    assert "/diagnostics: diagnostic_msgs/msg/DiagnosticArray, no listeners" in out
+    assert "wrong  /people: the robot wants visualization_msgs/msg/Marker, not" in out
 
 
 def test_the_last_velocities_of_a_bridge_that_ends_are_zero(

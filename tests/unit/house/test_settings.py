@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 183
+MOST = 186
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,
