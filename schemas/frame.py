@@ -25,7 +25,7 @@ Producer = Annotated[
 """`service/instance@start`: `start` is random per process, so a restart is another producer."""
 
 Focal = Annotated[float, Field(strict=True, gt=0, le=1e6, description="pixels")]
-ImageEncoding = Literal["image/raw;bgr8", "image/jpeg"]
+ImageEncoding = Literal["image/raw;bgr8", "image/jpeg", "image/raw;depth16"]
 
 
 class FrameId(Part):
@@ -53,7 +53,7 @@ class FrameId(Part):
 
 
 class Header(FrameId, Message):
-    """Attachment of an image: everything about the pixels but the pixels."""
+    """Attachment of an image or a depth picture: everything about the pixels but the pixels."""
 
     schema_name: ClassVar[str] = "header"
     max_bytes: ClassVar[int] = 1024
@@ -63,7 +63,9 @@ class Header(FrameId, Message):
     source_width: Dimension = Field(description="width before capture scaled the frame")
     source_height: Dimension = Field(description="height before capture scaled the frame")
     image_encoding: ImageEncoding = Field(
-        description="of the payload: rows of blue, green, red bytes, or a JPEG"
+        description="of the payload: rows of blue, green, red bytes, or a JPEG; of a depth picture "
+        "rows of millimetres along the optical axis, two bytes each, the low one first, 0 where "
+        "nothing was measured"
     )
     producer: Producer = Field(description="the capture process")
     age_ns: AgeNs = Field(default=0, description="monotonic time from acquisition to sending")

@@ -11,6 +11,7 @@ from heel.schemas.frame import Header
 
 RAW = "image/raw;bgr8"
 JPEG = "image/jpeg"
+DEPTH = "image/raw;depth16"
 MAX_IMAGE_BYTES = 8 << 20
 """Largest image payload [bytes]: 1080p raw is 6.2 MB; larger frames are scaled down by capture."""
 MAX_IMAGE_PIXELS = 7680 * 4320
@@ -63,6 +64,8 @@ def decode_image(payload: bytes, header: Header, encoding: str) -> NDArray[np.ui
         )
     if len(payload) > MAX_IMAGE_BYTES:
         raise MessageError(f"image: {len(payload)} bytes exceed the cap of {MAX_IMAGE_BYTES}")
+    if header.image_encoding == DEPTH:
+        raise MessageError(f"image: depth ({DEPTH}) in place of colours: send it on its own topic")
     if header.image_encoding == RAW:
         if len(payload) != header.width * header.height * 3:
             raise MessageError(
@@ -71,6 +74,37 @@ def decode_image(payload: bytes, header: Header, encoding: str) -> NDArray[np.ui
         return np.frombuffer(payload, np.uint8).reshape(header.height, header.width, 3)
     # The size is read before anything is decoded: a JPEG of some kB can unpack to 12 GB.
     return _decode_jpeg(payload, header.width, header.height)
+
+
+def encode_depth(depth_mm: NDArray[np.uint16]) -> bytes:
+    """Pack a (H, W) uint16 depth picture: millimetres, 0 where nothing was measured.
+
+    Raises:
+        MessageError: the payload would exceed `MAX_IMAGE_BYTES`.
+    """
+    payload = depth_mm.astype("<u2", copy=False).tobytes()
+    if len(payload) > MAX_IMAGE_BYTES:
+        raise MessageError(
+            f"depth of {len(payload)} bytes exceeds {MAX_IMAGE_BYTES}: use a smaller picture"
+        )
+    return payload
+
+
+def decode_depth(payload: bytes, header: Header, encoding: str) -> NDArray[np.uint16]:
+    """Unpack a depth picture; (header.height, header.width) uint16 millimetres, read-only.
+
+    Raises:
+        MessageError: encoding or size contradict the header.
+    """
+    if encoding != DEPTH or header.image_encoding != DEPTH:
+        raise MessageError(f"depth: encoding {encoding[:80]!r}: send it as {DEPTH}")
+    if len(payload) > MAX_IMAGE_BYTES or len(payload) != header.width * header.height * 2:
+        raise MessageError(
+            f"depth: {len(payload)} bytes are not {header.width}x{header.height} pixels of two "
+            f"bytes, at most {MAX_IMAGE_BYTES} in all"
+        )
+    depth = np.frombuffer(payload, "<u2").reshape(header.height, header.width)
+    return depth.astype(np.uint16, copy=False)
 
 
 def _decode_jpeg(payload: bytes, width: int, height: int) -> NDArray[np.uint8]:

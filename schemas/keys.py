@@ -32,6 +32,7 @@ ALL_TRACKS = "cam/*/tracks"
 TOPICS = {
     "image": "cam/*/image",
     "jpeg": "cam/*/jpeg",
+    "depth": "cam/*/depth",
     "taken": "cam/*/taken",
     "info": "cam/*/info",
     "blobs": "cam/*/blobs",
@@ -75,6 +76,11 @@ def image(camera: str) -> str:
 def jpeg(camera: str) -> str:
     """The same frames as `image`, as JPEG, for other hosts: sent while somebody listens."""
     return f"cam/{chunk(camera, 'camera')}/jpeg"
+
+
+def depth(camera: str) -> str:
+    """Distances of what `image` shows, `image/raw;depth16`, of some or all of its frames."""
+    return f"cam/{chunk(camera, 'camera')}/depth"
 
 
 def info(camera: str) -> str:

@@ -79,8 +79,8 @@ class Track(Part):
     )
     distance_m: NonNegative | None = Field(
         default=None,
-        description="measured, from the camera along the ground, e.g. with a depth camera; none: "
-        "not measured, as by Heel's own trackers: the follower then estimates it from the box",
+        description="measured, from the camera along the ground to the middle of the body, as "
+        "by depth; none: not measured: the follower then estimates it from the box",
     )
     distance_sigma_m: NonNegative | None = Field(
         default=None, description="standard deviation of it; none: 10 % of the distance"

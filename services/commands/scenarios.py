@@ -70,6 +70,14 @@ _Calibrated = Annotated[
     bool,
     typer.Option("--calibrated/--uncalibrated", help="whether the camera's mounting is known"),
 ]
+_Depth = Annotated[
+    bool,
+    typer.Option(
+        "--depth",
+        help="a camera that measures depth, too, by which people are placed; without ranges, "
+        "obstacles are seen by it, if the mounting is known; renders",
+    ),
+]
 _Processes = Annotated[
     bool,
     typer.Option(
@@ -95,6 +103,7 @@ def scenarios(
     as_json: _Json = False,
     out: _Out = None, video: _Video = False, config: Config = None, postures: _Postures = False,
     everyday: _Everyday = False, ranges: _Ranges = True, calibrated: _Calibrated = True,
+    depth: _Depth = False,
 ) -> None:  # fmt: skip
     """Follow people through simulated scenarios, and score it."""
     from heel.services.loops.scenarios.parallel import spread
@@ -104,9 +113,9 @@ def scenarios(
 
     groups = [*[EVERYDAY] * everyday, *[POSTURES] * postures] or [SCENARIOS]
     names = scenario or list(dict.fromkeys(name for group in groups for name in group))
-    if processes and not (ranges and calibrated):
-        raise SettingsError("--processes has ranges and a calibration: leave out --no-ranges and "
-                            "--uncalibrated")  # fmt: skip
+    if processes and (depth or not (ranges and calibrated)):
+        raise SettingsError("--processes has ranges and a calibration, and no depth: leave out "
+                            "--no-ranges, --uncalibrated and --depth")  # fmt: skip
     _check(names, boxes, processes, video, out)
     if boxes and (detector is not None or model is not None):
         raise SettingsError("--detector and --model look at pixels, and the people here are the "
@@ -121,7 +130,7 @@ def scenarios(
     from heel.services.loops.scenarios.perception import Senses
 
     stack = load_stack(mode, config, detector, model, model_class, model_head)
-    stack = replace(stack, senses=Senses(ranges, calibrated))
+    stack = replace(stack, senses=Senses(ranges, calibrated, depth))
     _run_cores(tasks, seed, stack, jobs, as_json, out)
 
 

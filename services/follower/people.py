@@ -158,7 +158,7 @@ class People:
         box_scale = BoxScale() if known is None else known.box_scale
         pose = motion.pose_at(t_s)
         distance_m = box_scale.scale * place.distance_m
-        if known is not None and not place.told:
+        if known is not None:
             distance_m = min(distance_m, _farthest_m(known, pose, t_s, place.certain))
         sigma_m = place.distance_sigma_m
         if known and not place.certain and distance_m < _NEARER * _smoothed_m(known, pose):

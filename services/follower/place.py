@@ -131,12 +131,12 @@ def _optics(info: CameraInfo) -> tuple[object, ...]:
 
 
 def _told_or_seen(track: Track, seen: PersonPosition | None, unmounted: bool) -> Place | None:
-    share = 1.0 if seen is None or not seen.certain else _VARYING_SHARE
     if track.distance_m is not None:
         distance_m = track.distance_m
         sigma_m = track.distance_sigma_m or _TOLD_DISTANCE_SHARE * distance_m
     elif seen is not None:
-        distance_m, sigma_m = seen.distance_m, seen.distance_sigma_m
+        share = _VARYING_SHARE if seen.certain else 1.0
+        distance_m, sigma_m = seen.distance_m, share * seen.distance_sigma_m
     else:
         return None
     if track.bearing_rad is not None:
@@ -148,7 +148,7 @@ def _told_or_seen(track: Track, seen: PersonPosition | None, unmounted: bool) ->
         return None
     told = track.distance_m is not None
     return Place(
-        min(distance_m, _FARTHEST_M), bearing_rad, min(share * sigma_m, _FARTHEST_M),
+        min(distance_m, _FARTHEST_M), bearing_rad, min(sigma_m, _FARTHEST_M),
         min(bearing_sigma_rad, math.pi), told or (seen is not None and seen.certain),
         unmounted and not told, told,
     )  # fmt: skip

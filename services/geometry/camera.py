@@ -149,7 +149,7 @@ class GroundCamera(Pinhole):
 
     def ground(self, pixels: ArrayLike) -> FloatArray:
         """(..., 2) pixels to (..., 2) points x, y of the ground; NaN at and above the horizon."""
-        ahead, left, fall = self._rays(np.asarray(pixels, np.float64))
+        ahead, left, fall = self.rays(np.asarray(pixels, np.float64))
         reach = self.mount_height_m / np.where(fall > 1e-9, fall, np.nan)
         return np.stack([ahead * reach, left * reach], axis=-1)
 
@@ -186,7 +186,7 @@ class GroundCamera(Pinhole):
         boxes = self.person_boxes(self.ground(feet), height_m)
         return np.asarray(boxes[..., 3] - boxes[..., 1], np.float64)
 
-    def _rays(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def rays(self, pixels: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Ahead, left and fall (down) of the rays of (..., 2) pixels, 1 deep."""
         if self.lens is not None:
             right, down = np.moveaxis(self.lens.rays(pixels), -1, 0)

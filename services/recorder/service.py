@@ -26,7 +26,7 @@ from heel.services.runtime.process import software_version
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
 
-_IMAGES = ("image", "jpeg")
+_IMAGES = ("image", "jpeg", "depth")
 _RING = 64
 """Messages of a topic that may wait for the loop: one second of commands. A recorder wants all of
 them where others want the newest. Chosen by hand."""
@@ -118,6 +118,8 @@ class Recorder:
         match self._context.settings.frames:
             case "raw":
                 images = keys.TOPICS["image"]
+                inbox.subscribe("depth", keys.TOPICS["depth"],
+                                replace(qos.DEPTH, capacity=_FRAMES_RING))  # fmt: skip
             case "jpeg":
                 images = keys.TOPICS["jpeg"]
             case "none":

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas import EndOfStream, Header, MessageError, Progress, decode, encode, keys
-from heel.schemas.image import JPEG, RAW, encode_image
+from heel.schemas.image import DEPTH, JPEG, RAW, encode_depth, encode_image
 from heel.services.runtime import qos
 from heel.services.runtime.frame_memory import FrameMemory
 from heel.services.runtime.inbox import Arrival
@@ -132,3 +132,39 @@ class ImagePublisher:
         """Announce on both that nothing more follows in this epoch."""
         self.raw.end(message)
         self._jpeg.end(message)
+
+
+_DEPTHS_IN_FLIGHT = 8
+"""Depth pictures in shared memory: those that a tracker keeps, and one on its way."""
+
+
+class DepthPublisher:
+    """Sends the depth pictures of a camera while somebody listens, raw.
+
+    Args:
+        context: of the service.
+    """
+
+    def __init__(self, context: ServiceContext[S]) -> None:
+        self._publisher = context.publisher(keys.depth(context.settings.camera), qos.DEPTH)
+        self._memory = FrameMemory(_DEPTHS_IN_FLIGHT, context.log)
+
+    def send(self, header: Header, depth_mm: NDArray[np.uint16]) -> None:
+        """Send the depth of one frame.
+
+        Args:
+            header: of the frame's picture.
+            depth_mm: (H, W) uint16, of the same view, 0 where nothing was measured.
+
+        Raises:
+            MessageError: it is larger than the cap.
+        """
+        if not self._publisher.has_listeners:
+            return
+        height, width = depth_mm.shape
+        own = header.model_copy(
+            update={"width": width, "height": height, "source_width": width,
+                    "source_height": height, "image_encoding": DEPTH}
+        )  # fmt: skip
+        held = self._memory.hold(encode_depth(depth_mm))
+        self._publisher.send_bytes(held, DEPTH, encode(own))

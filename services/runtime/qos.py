@@ -79,6 +79,7 @@ _P = zenoh.Priority
 # one where only the newest counts; largest message, bytes.
 IMAGE = TopicQos(_P.DATA_LOW, _BLOCK_FIRST, True, 1, MAX_IMAGE_BYTES)
 JPEG = IMAGE  # the same frames for other hosts
+DEPTH = TopicQos(_P.DATA_LOW, _BLOCK_FIRST, True, 4, MAX_IMAGE_BYTES)  # of several frames
 TAKEN = TopicQos(_P.REAL_TIME, _DROP, True, 64, Taken.max_bytes)
 BLOBS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Blobs.max_bytes)
 TRACKS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Tracks.max_bytes)
@@ -101,7 +102,8 @@ EVENTS = TopicQos(_P.DATA, _DROP, False, 16, TrackEvent.max_bytes)
 HEALTH = TopicQos(_P.DATA, _DROP, False, 64, Health.max_bytes)
 """Ahead of images: a service must not look silent because its link is full of pictures."""
 BY_TOPIC = {
-    "image": IMAGE, "jpeg": JPEG, "taken": TAKEN, "info": INFO, "blobs": BLOBS, "tracks": TRACKS,
+    "image": IMAGE, "jpeg": JPEG, "depth": DEPTH, "taken": TAKEN, "info": INFO, "blobs": BLOBS,
+    "tracks": TRACKS,
     "events": EVENTS, "progress": PROGRESS, "command": COMMAND, "state": STATE, "target": TARGET,
     "pointed": POINTED, "estop": ESTOP, "odometry": ODOMETRY, "range": RANGES, "drive": DRIVE,
     "truth": SIM_TRUTH, "world": SIM_WORLD, "health": HEALTH,

@@ -8,7 +8,8 @@ from heel.schemas import keys
 
 _INFO, _WORLD = keys.TOPICS["info"], keys.SIM_WORLD
 _IMAGES = (keys.TOPICS["image"], keys.TOPICS["jpeg"])
-_PICTURES = (*_IMAGES, keys.TOPICS["taken"], _INFO)
+_DEPTH = keys.TOPICS["depth"]
+_PICTURES = (*_IMAGES, _DEPTH, keys.TOPICS["taken"], _INFO)
 _PROGRESS = keys.TOPICS["progress"]
 _SEEN = tuple(keys.TOPICS.values())
 
@@ -60,9 +61,9 @@ ROLES: dict[str, Access] = {
     "tracker": Access(
         "give people identities",
         sends=(keys.ALL_TRACKS, keys.TOPICS["events"]),
-        hears=(keys.TOPICS["blobs"], keys.ALL_TRACKS),
+        hears=(keys.TOPICS["blobs"], keys.ALL_TRACKS, _DEPTH, _INFO),
         answers=_succession("tracker"),
-        asks=_succession("tracker"),
+        asks=(_INFO, keys.ROUTER_VERSION, *_succession("tracker")),
     ),
     "follower": Access(
         "command the robot",

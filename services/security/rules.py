@@ -59,8 +59,9 @@ def size_limits(namespace: str = "") -> list[dict[str, Any]]:
     they have to arrive.
     """
     largest = {
-        "image": qos.IMAGE, "jpeg": qos.JPEG, "taken": qos.TAKEN, "info": qos.INFO,
-        "blobs": qos.BLOBS, "tracks": qos.TRACKS, "events": qos.EVENTS, "command": qos.COMMAND,
+        "image": qos.IMAGE, "jpeg": qos.JPEG, "depth": qos.DEPTH, "taken": qos.TAKEN,
+        "info": qos.INFO, "blobs": qos.BLOBS, "tracks": qos.TRACKS, "events": qos.EVENTS,
+        "command": qos.COMMAND,
         "state": qos.STATE, "target": qos.TARGET, "pointed": qos.POINTED, "health": qos.HEALTH,
     }  # fmt: skip
     return [

@@ -10,10 +10,16 @@ from typing import TYPE_CHECKING
 
 import cv2
 
-from heel.schemas import CameraInfo, DriveState, EndOfStream, FrameId, Taken, keys
+from heel.schemas import CameraInfo, DriveState, EndOfStream, FrameId, Header, Ranges, Taken, keys
+from heel.services.geometry.depth import depth_sectors
 from heel.services.runtime import qos
 from heel.services.runtime.clock import monotonic_clock
-from heel.services.runtime.images import ImagePublisher, StreamIdentity, image_header
+from heel.services.runtime.images import (
+    DepthPublisher,
+    ImagePublisher,
+    StreamIdentity,
+    image_header,
+)
 from heel.services.runtime.pacing import Pacer
 from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
@@ -23,6 +29,7 @@ from heel.services.simulator.scenarios import scenario
 from heel.services.simulator.settings import SimulatorSettings
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.truth_file import TruthFile, open_truth
+from heel.services.simulator.views import lens
 from heel.services.simulator.wheels import TIMEOUT_S, Wheels
 from heel.services.simulator.world import World
 
@@ -59,6 +66,7 @@ class SimulatorService:
         self._described = resources.enter_context(Latched(session, keys.SIM_WORLD, qos.SIM_WORLD))
         self._taken = context.publisher(keys.taken(s.camera), qos.TAKEN)
         self._image = ImagePublisher(context, s.jpeg_quality, None)
+        self._depth = DepthPublisher(context) if s.depth else None
         self._blobs = context.publisher(keys.blobs(s.camera), qos.BLOBS) if self._boxes else None
         self._truth = context.publisher(keys.SIM_TRUTH, qos.SIM_TRUTH)
         self._odometry = context.publisher(keys.ROBOT_ODOMETRY, qos.ODOMETRY)
@@ -157,8 +165,8 @@ class SimulatorService:
         self._truth.send(truth, 0.0)
         if self._truth_file is not None:
             self._truth_file.write(truth)
-        self._ranges.send(world.ranges(self._scans), 0.0)
-        self._scans += 1
+        if self._depth is None:
+            self._send_ranges(world.ranges(self._scans))
         if not world.camera_on:
             return
         frame = FrameId(
@@ -189,6 +197,21 @@ class SimulatorService:
             time.monotonic_ns() - acquired_ns,
         )  # fmt: skip
         self._image.send(header, image)
+        if self._depth is not None:
+            self._send_depth(self._depth, episode, renderer, header)
+
+    def _send_depth(
+        self, publisher: DepthPublisher, episode: _Episode, renderer: Renderer, header: Header
+    ) -> None:
+        depth_mm = renderer.measure(episode.world)
+        publisher.send(header, depth_mm)
+        self._send_ranges(
+            Ranges(seq=self._scans, sectors=depth_sectors(depth_mm, lens(self._mount)))
+        )
+
+    def _send_ranges(self, ranges: Ranges) -> None:
+        self._ranges.send(ranges, 0.0)
+        self._scans += 1
 
     def _end(self, episode: _Episode, reason: str) -> None:
         # A live receiver keeps one image only: let it take the last one before the end.

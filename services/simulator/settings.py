@@ -35,6 +35,11 @@ class SimulatorSettings(ServiceSettings):
     pictures: bool = Field(
         True, description="draw what the camera sees (extra sim); needed by perception pixels"
     )
+    depth: bool = Field(
+        False,
+        description="the camera measures depth, too; free distances then are those of the depth "
+        "picture, ahead only, instead of a ring of range sensors",
+    )
     jpeg_quality: int = Field(
         90, ge=1, le=100, description="quality of the JPEGs that go to other hosts, percent"
     )
@@ -58,6 +63,8 @@ class SimulatorSettings(ServiceSettings):
                 "without pictures nobody can see people in pixels: leave out --no-pictures, or say "
                 "--perception simulated-boxes"
             )
+        if self.depth and not self.pictures:
+            raise ValueError("depth is drawn, too: leave out --no-pictures, or --depth")
         return self
 
     def mount(self) -> CameraMount:

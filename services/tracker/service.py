@@ -37,6 +37,7 @@ from heel.services.runtime.succession import (
     leads_already,
 )
 from heel.services.tracker.core import configured, warm_up
+from heel.services.tracker.depth_input import DepthInput
 from heel.services.tracker.settings import TrackerServiceSettings
 from heel.services.tracker.shadow import Shadow
 from heel.services.tracker.story import sentence
@@ -129,7 +130,10 @@ class TrackerService:
         self._handed_over = False
         self._succession: Succession | None = None
         self._file: StateFile | None = None
+        self._depth: DepthInput | None = None
         if live:
+            # In a lossless run the stream is the clock; what comes beside it has no place in it.
+            self._depth = DepthInput(context)
             self._succession = Succession(
                 context.session, self._out, keys.tracks(camera),
                 ("tracker", camera, context.producer), resources, context.log,
@@ -263,6 +267,7 @@ class TrackerService:
             with context.surviving("tracking"):
                 try:
                     tracks = self._tracker.update(received.message)
+                    tracks = self._placed(tracks, started_s)
                 except (MessageError, SettingsError) as error:
                     self._blobs.refuse(arrival, error)
                     continue
@@ -277,6 +282,13 @@ class TrackerService:
                     return False
             self._try_out(context.statistics.failed > failed)
         return not context.running or self._may_send()
+
+    def _placed(self, tracks: Tracks, now_s: float) -> Tracks:
+        """With distances by depth, where there is any; who they are does not hang on it."""
+        if self._depth is not None:
+            with self._context.surviving("measuring by depth"):
+                return self._depth.placed(tracks, now_s)
+        return tracks
 
     def _send(
         self, received: Received[Blobs], tracks: Tracks, started_s: float,

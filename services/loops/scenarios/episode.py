@@ -117,18 +117,24 @@ def _make_folder(folder: Path) -> None:
 def _play(settings: StackSettings, task: EpisodeTask) -> EpisodeLog:
     world, mount = scenario(task.scenario, task.seed), CameraMount()
     cores = Follower(settings.follower), Drive(settings.drive)
-    if settings.mode == "simulated boxes" and not task.video:
+    senses = settings.senses
+    if settings.mode == "simulated boxes" and not task.video and not senses.depth:
         boxes = SimulatedBoxes(world, mount, settings.tracker)
-        return ClosedLoop(world, mount, boxes, *cores, senses=settings.senses).run().log()
+        return ClosedLoop(world, mount, boxes, *cores, senses=senses).run().log()
     # Here and not above: without pictures no extra is needed.
-    from heel.services.loops.scenarios.pixels import Camera, Film, RenderedPixels
+    from heel.services.loops.scenarios.pixels import Camera, DepthSeen, Film, RenderedPixels
 
     with ExitStack() as resources:
         camera = resources.enter_context(Camera(world, mount))
         perception: Perception = RenderedPixels(camera, settings.detector, settings.tracker)
         if settings.mode == "simulated boxes":
             perception = SimulatedBoxes(world, mount, settings.tracker)
+        ranges = None
+        if senses.depth:
+            perception = seen = DepthSeen(perception, camera, mount, senses.calibrated)
+            ranges = seen.ranges
         film = None
         if task.video and task.out is not None:
             film = resources.enter_context(Film(camera, task.out / f"{task.name}.mp4", mount.fps))
-        return ClosedLoop(world, mount, perception, *cores, film, settings.senses).run().log()
+        loop = ClosedLoop(world, mount, perception, *cores, film, senses, ranges=ranges)
+        return loop.run().log()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from heel.schemas import DriveState, FrameId, SimTruth, Target, TargetRequest, Tracks
+from heel.schemas import DriveState, FrameId, Ranges, SimTruth, Target, TargetRequest, Tracks
 from heel.services.drive.core import Drive
 from heel.services.follower.core import Follower
 from heel.services.loops.control_loop import CONTROL_NS, Body, ControlLoop
@@ -51,12 +52,14 @@ class ClosedLoop:
         film: gets every picture; None for none.
         senses: what the robot has besides the camera.
         user: chooses; None for `User`, which clicks on the target.
+        ranges: measures in place of the world's ring where the robot has none; None for nothing.
     """
 
     def __init__(
         self, world: World, mount: CameraMount, perception: Perception, follower: Follower,
         drive: Drive,
         film: Film | None = None, senses: Senses | None = None, user: Chooser | None = None,
+        ranges: Callable[[int], Ranges | None] | None = None,
     ) -> None:  # fmt: skip
         self._world = world
         self._mount = mount
@@ -64,7 +67,8 @@ class ClosedLoop:
         self._follower = follower
         self._control = ControlLoop(follower, drive, self._look)
         self._film = film
-        self._ranges = senses is None or senses.ranges
+        ring = senses is None or senses.ranges
+        self._ranges = world.ranges if ring else ranges
         self._frame_ms = round(1000 / mount.fps)
         self._witness = Witness(world)
         self._user: Chooser = User() if user is None else user
@@ -109,8 +113,8 @@ class ClosedLoop:
     def _move(self, told: DriveState) -> Body:
         self._speed = (told.linear_mps, told.angular_radps)
         odometry = self._world.odometry(self._rounds)
-        measures = self._ranges and self._now_ms % _RANGES_MS == 0
-        return Body(odometry, self._world.ranges(self._rounds) if measures else None)
+        measures = self._ranges is not None and self._now_ms % _RANGES_MS == 0
+        return Body(odometry, self._ranges(self._rounds) if self._ranges and measures else None)
 
     def _look(self, tracks: Tracks, picture: _Picture) -> None:
         self._people = picture.people

@@ -22,15 +22,19 @@ class Senses:
     Attributes:
         ranges: a ring of range sensors.
         calibrated: mounting height and pitch of the camera are known.
+        depth: the camera measures depth, too. Without a ring, free distances are those of the depth
+            picture, if the mounting is known.
     """
 
     ranges: bool = True
     calibrated: bool = True
+    depth: bool = False
 
     def __str__(self) -> str:
         return (
             f"{'with' if self.ranges else 'without'} ranges, "
             f"{'calibrated' if self.calibrated else 'not calibrated'}"
+            f"{', with depth' if self.depth else ''}"
         )
 
 

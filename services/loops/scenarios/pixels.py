@@ -11,13 +11,17 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.schemas import FollowState, FrameId, Pointed, Tracks
+from heel.schemas import FollowState, FrameId, Pointed, Ranges, Tracks
 from heel.services.detector.settings import DetectorSettings
 from heel.services.drawing import AnnotatedVideo
+from heel.services.geometry.camera import GroundCamera, camera_from_info
+from heel.services.geometry.depth import Depth, depth_sectors
+from heel.services.loops.scenarios.perception import Perception, camera_info
 from heel.services.pipeline import InProcessPipeline
 from heel.services.simulator.render.renderer import Renderer
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World
+from heel.services.tracker.depth_places import with_depth
 from heel.services.tracker.settings import TrackerSettings
 
 
@@ -46,6 +50,47 @@ class Camera:
             self._picture = self._renderer.draw(self._world)
             self._taken_s = self._world.t_s
         return self._picture
+
+    def depth_mm(self) -> Depth:
+        """What the same camera measures of the world now, (H / 2, W / 2) uint16."""
+        self.picture()
+        return self._renderer.measure(self._world)
+
+
+class DepthSeen:
+    """Any perception, and how far its people are by the camera's depth.
+
+    Args:
+        perception: whose tracks they are.
+        camera: of the same world.
+        mount: of that camera.
+        calibrated: whether its mounting is known.
+    """
+
+    def __init__(
+        self, perception: Perception, camera: Camera, mount: CameraMount, calibrated: bool
+    ) -> None:
+        self._perception, self._source = perception, camera
+        told = camera_from_info(camera_info(mount, calibrated))
+        assert told is not None
+        self._camera = told
+        self._depth_mm: Depth | None = None
+
+    def see(self, frame: FrameId) -> Tracks:
+        """Tracks with distances."""
+        tracks = self._perception.see(frame)
+        self._depth_mm = self._source.depth_mm()
+        return with_depth(tracks, self._depth_mm, self._camera)
+
+    def point(self, pointed: Pointed) -> None:
+        """As the perception itself."""
+        self._perception.point(pointed)
+
+    def ranges(self, seq: int) -> Ranges | None:
+        """Free distances by the newest depth picture; None where the mounting is not known."""
+        if self._depth_mm is None or not isinstance(self._camera, GroundCamera):
+            return None
+        return Ranges(seq=seq, sectors=depth_sectors(self._depth_mm, self._camera))
 
 
 class RenderedPixels:

@@ -41,6 +41,7 @@ class ScenarioReport(BaseModel):
     through: Through = Field(description="cores on a simulated clock, or processes in real time")
     ranges: bool = Field(description="whether the robot has range sensors")
     calibrated: bool = Field(description="whether the camera's mounting is known")
+    depth: bool = Field(description="whether the camera measures depth")
     real_time_factor: float = Field(gt=0, description="simulated seconds per second of the run")
     overall: FollowingScores
     scenarios: dict[str, FollowingScores] = Field(description="by name")
@@ -70,6 +71,7 @@ def make_report(
         through=through,
         ranges=senses.ranges,
         calibrated=senses.calibrated,
+        depth=senses.depth,
         real_time_factor=sum(result.scores.duration_s for result in results) / wall_s,
         overall=overall,
         scenarios={name: summarise(scores) for name, scores in by_scenario.items()},
@@ -140,7 +142,7 @@ def _cells(scores: FollowingScores) -> list[str]:
 
 
 def _caption(report: ScenarioReport) -> str:
-    senses = Senses(report.ranges, report.calibrated)
+    senses = Senses(report.ranges, report.calibrated, report.depth)
     but = "" if senses == EVERYTHING else f", {senses}"
     return (
         f"{report.mode}, through {report.through}{but}: {report.episodes} episodes from seed "

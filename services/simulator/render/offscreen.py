@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -44,8 +45,7 @@ class OffscreenCamera:
     def __init__(self, mount: CameraMount, supersampling: float) -> None:
         self._size = mount.width_px, mount.height_px
         drawn = round(mount.width_px * supersampling), round(mount.height_px * supersampling)
-        idle = _idle.get(drawn)
-        self._canvas = idle.pop() if idle else _Canvas(drawn)
+        self._canvas = _canvas(drawn)
         self.root = core.NodePath("world")
         # In the order of the graph: sorted by memory addresses, as by default, surfaces of equal
         # depth would hide each other now so, now so.
@@ -65,6 +65,14 @@ class OffscreenCamera:
             *position_m, math.degrees(heading_rad) - 90.0, -math.degrees(pitch_rad), 0.0
         )
 
+    def second(self, state: Any) -> SecondView:
+        """What the same camera sees at half the resolution in another state of Panda3D's.
+
+        Args:
+            state: that overrides what is set in the scene.
+        """
+        return SecondView(self._camera, (self._size[0] // 2, self._size[1] // 2), state)
+
     def draw(self) -> NDArray[np.uint8]:
         """The picture, (H, W, 3) uint8 BGR."""
         picture = self._canvas.draw()
@@ -75,8 +83,26 @@ class OffscreenCamera:
     def close(self) -> None:
         """Give the memory back."""
         self.root.remove_node()
-        self._canvas.forget()
-        _idle.setdefault(self._canvas.size, []).append(self._canvas)
+        _give_back(self._canvas)
+
+
+class SecondView:
+    """A camera that goes with another one, and draws what that one sees in another way."""
+
+    def __init__(self, beside: Any, size_px: tuple[int, int], state: Any) -> None:
+        self._canvas = _canvas(size_px)
+        self._camera = beside.attach_new_node(core.Camera("second", beside.node().get_lens()))
+        self._camera.node().set_initial_state(state)
+        self._canvas.region.set_camera(self._camera)
+
+    def draw(self) -> NDArray[np.uint8]:
+        """The picture, (H, W, 3) uint8, each pixel of one place: nothing is averaged."""
+        return self._canvas.draw()
+
+    def close(self) -> None:
+        """Give the memory back."""
+        self._camera.remove_node()
+        _give_back(self._canvas)
 
 
 class _Canvas:
@@ -133,3 +159,13 @@ class _Canvas:
 _idle: dict[tuple[int, int], list[_Canvas]] = {}
 """Canvases to be used again: Panda3D never frees a buffer of its software renderer (5 MB each at
 640x480, measured), which would add up where every episode opens a camera of its own."""
+
+
+def _canvas(size_px: tuple[int, int]) -> _Canvas:
+    idle = _idle.get(size_px)
+    return idle.pop() if idle else _Canvas(size_px)
+
+
+def _give_back(canvas: _Canvas) -> None:
+    canvas.forget()
+    _idle.setdefault(canvas.size, []).append(canvas)

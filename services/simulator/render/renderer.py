@@ -9,7 +9,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from heel.services.simulator.depth_sensor import DepthSensor
 from heel.services.simulator.render.clothes import weaves_of
+from heel.services.simulator.render.depth_view import DepthView
 from heel.services.simulator.render.effects import CameraEffects, CameraFilter
 from heel.services.simulator.render.figure import Figure
 from heel.services.simulator.render.offscreen import OffscreenCamera
@@ -28,7 +30,7 @@ class Renderer:
         scenery: what does not move.
         mount: the camera.
         effects: what the camera adds; None for those of an ordinary one.
-        seed: of textures, pictures on walls and noise.
+        seed: of textures, pictures on walls and noise, and of what depth errs.
         supersampling: pixels drawn per pixel and axis.
 
     Raises:
@@ -49,12 +51,30 @@ class Renderer:
         focal_px = mount.width_px / (2 * math.tan(mount.horizontal_fov_rad / 2))
         size = mount.height_px, mount.width_px
         self._filter = CameraFilter(effects or CameraEffects(), size, focal_px, seed)
+        self._depth_view: DepthView | None = None
+        self._depth_sensor = DepthSensor(mount, seed)
 
     def draw(self, world: WorldView) -> NDArray[np.uint8]:
         """The camera's picture, (H, W, 3) uint8 BGR."""
         picture = self.draw_clean(world)
         turn_radps = world.robot.angular_radps
         return self._filter.apply(picture, world.t_s, world.brightness, turn_radps)
+
+    def measure(self, world: WorldView) -> NDArray[np.uint16]:
+        """What a depth camera tells of the world drawn last, (H / 2, W / 2) uint16 mm, 0: nothing.
+
+        Of mirrors and panes of glass it sees what the picture shows in them.
+
+        Args:
+            world: as it was when it was drawn.
+        """
+        return self._depth_sensor.measure(self.true_depth(), world.t_s)
+
+    def true_depth(self) -> NDArray[np.float32]:
+        """The same without errors, in metres along the optical axis; 0 beyond 12 m."""
+        if self._depth_view is None:
+            self._depth_view = DepthView(self._camera)
+        return self._depth_view.draw()
 
     def draw_clean(self, world: WorldView) -> NDArray[np.uint8]:
         """The same in normal light by a perfect camera."""
@@ -85,6 +105,8 @@ class Renderer:
     def close(self) -> None:
         """Give the memory back."""
         self._figures.clear()
+        if self._depth_view is not None:
+            self._depth_view.close()
         self._stage.root.remove_node()
         self._camera.close()
 

@@ -120,6 +120,15 @@ def test_distance_and_bearing_of_the_track_win_over_the_box() -> None:
     assert command.state == "following"
 
 
+def test_a_stated_distance_that_jumps_away_is_not_raced_after() -> None:
+    made = following(tracks(person(1, height=FAR, distance_m=1.8, bearing_rad=0.0)))
+    drive(made)
+    jumped = tracks(person(1, height=FAR, distance_m=6.0, bearing_rad=0.0), seq=1)
+    drive(made, seconds=0.02, seen=jumped)
+    assert made.state.distance_m is not None
+    assert 1.7 < made.state.distance_m < 2.4
+
+
 def test_a_wider_camera_sees_the_same_box_farther_aside() -> None:
     made = following(tracks(person(1, x=350, height=FAR)))
     narrow = drive(made).angular_radps

@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 186
+MOST = 188
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,

@@ -261,6 +261,7 @@ SIMULATOR: Table = {
     "perception": ReadBy("simulator/service.py", "self._settings.perception"),
     "loop": ReadBy("simulator/service.py", "self._settings.loop and context.running"),
     "truth": Changes("truth.jsonl", truth_of),
+    "depth": ReadBy("simulator/service.py", "DepthPublisher(context) if s.depth else None"),
     "pictures": Refused(False, "leave out --no-pictures"),
     "jpeg_quality": ReadBy("simulator/service.py", "s.jpeg_quality"),
     "width_px": Changes(320, mounted),

@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 
 from heel.schemas import Header, MessageError, decode
 from heel.schemas.image import (
+    DEPTH,
     JPEG,
     MAX_IMAGE_BYTES,
     MAX_IMAGE_PIXELS,
     RAW,
+    decode_depth,
     decode_image,
+    encode_depth,
     encode_image,
     jpeg_size,
 )
@@ -196,3 +199,36 @@ def _checked(payload: bytes, described: Header) -> None:
         return
     assert pixels.shape == (described.height, described.width, 3)
     assert pixels.dtype == np.uint8
+
+
+def test_depth_comes_back_equal_low_byte_first() -> None:
+    depth = np.arange(12, dtype=np.uint16).reshape(3, 4) * 5000
+    payload = encode_depth(depth)
+    assert payload[2:4] == (5000).to_bytes(2, "little")
+    back = decode_depth(payload, header(4, 3, DEPTH), DEPTH)
+    assert back.dtype == np.uint16
+    assert np.array_equal(back, depth)
+
+
+@pytest.mark.parametrize(
+    ("payload", "size", "told", "said"),
+    [
+        (b"1" * 24, (4, 3), RAW, DEPTH), (b"1" * 24, (4, 3), DEPTH, RAW),
+        (b"1" * 23, (4, 3), DEPTH, DEPTH), (b"1" * 26, (4, 3), DEPTH, DEPTH),
+        (b"", (4, 3), DEPTH, DEPTH), (b"1" * 48, (4, 3), DEPTH, DEPTH),
+    ],
+)  # fmt: skip
+def test_depth_that_contradicts_its_header_is_refused(
+    payload: bytes, size: tuple[int, int], told: str, said: str
+) -> None:
+    with pytest.raises(MessageError, match=r"^depth: .*(pixels|send it as)"):
+        decode_depth(payload, header(*size, told), said)
+
+
+def test_depth_is_no_picture() -> None:
+    assert "on its own topic" in refusal(b"1" * 24, header(4, 3, DEPTH))
+
+
+def test_depth_beyond_the_cap_is_not_sent() -> None:
+    with pytest.raises(MessageError, match="smaller picture"):
+        encode_depth(np.zeros((4096, 1025), np.uint16))

@@ -21,6 +21,7 @@ _EXAMPLE = re.search(r"```python\n(.*?)```", _TEXT, re.DOTALL)
 _TOPICS: dict[str, TopicQos] = {
     "cam/<cam>/image": qos.IMAGE,
     "cam/<cam>/jpeg": qos.JPEG,
+    "cam/<cam>/depth": qos.DEPTH,
     "cam/<cam>/taken": qos.TAKEN,
     "cam/<cam>/info": qos.INFO,
     "cam/<cam>/blobs": qos.BLOBS,

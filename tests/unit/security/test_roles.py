@@ -14,6 +14,7 @@ from heel.services.security.rules import access_control, size_limits
 SENDERS = {
     "image": {"capture", "ros2", "simulator"},
     "jpeg": {"capture", "ros2", "simulator"},
+    "depth": {"capture", "ros2", "simulator"},
     "taken": {"capture", "ros2", "simulator"},
     "info": {"capture", "ros2", "simulator"},
     "blobs": {"detector", "simulator"},

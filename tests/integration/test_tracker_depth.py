@@ -1,0 +1,134 @@
+"""A tracker that hears depth: the same bytes as its cores give, and boxes again without it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import zenoh
+
+from heel.schemas import Blobs, CameraInfo, Header, Health, Tracks, decode, encode, keys
+from heel.schemas.image import DEPTH, encode_depth
+from heel.services.geometry.camera import camera_from_info
+from heel.services.runtime import qos
+from heel.services.runtime.clock import monotonic_clock
+from heel.services.runtime.publishing import Latched, StreamPublisher
+from heel.services.tracker.core import Tracker
+from heel.services.tracker.depth_places import with_depth
+from heel.services.tracker.settings import TrackerSettings
+from tests.support import network
+from tests.support.network import wait_until
+from tests.support.processes import running
+from tests.unit.tracker import drawn_detections as drawn
+
+_FPS = 15.0
+_DETECTOR, _CAMERA = "detector/main@00000001", "capture/main@00000001"
+_START_S = 40.0
+
+
+def stands(seq: int) -> Blobs:
+    return drawn.message([drawn.Person(drawn.RED, lambda t_s: (200 + 20 * t_s, 400.0))], seq, _FPS)
+
+
+def depth_of(seq: int, blobs: Blobs) -> np.ndarray:
+    return np.full((blobs.height // 2, blobs.width // 2), 2000 + seq, np.uint16)
+
+
+class Robot(threading.Thread):
+    """A camera with depth and a detector, until told to end."""
+
+    def __init__(self, session: zenoh.Session, info: CameraInfo) -> None:
+        super().__init__(daemon=True)
+        self.blobs: dict[int, Blobs] = {}
+        self.over, self.measures = threading.Event(), threading.Event()
+        self.measures.set()
+        self._epoch = info.epoch
+        self._out = StreamPublisher(session, keys.blobs("front"), qos.BLOBS, "live", _DETECTOR)
+        self._depth = StreamPublisher(session, keys.depth("front"), qos.DEPTH, "live", _CAMERA)
+
+    def run(self) -> None:
+        for seq in range(10_000):
+            if self.over.wait(1 / _FPS):
+                return
+            blobs = stands(seq)
+            depth = depth_of(seq, blobs)
+            header = Header(
+                **blobs.frame_id().model_dump(), width=depth.shape[1], height=depth.shape[0],
+                source_width=depth.shape[1], source_height=depth.shape[0], image_encoding=DEPTH,
+                producer=_CAMERA,
+            )  # fmt: skip
+            if self.measures.is_set():
+                self._depth.send_bytes(encode_depth(depth), DEPTH, encode(header))
+            self.blobs[seq] = blobs
+            self._out.send(blobs, 0.0)
+
+
+def test_distances_are_those_of_the_cores_and_without_depth_boxes_count_again(
+    tmp_path: Path,
+) -> None:
+    first = stands(0)
+    info = CameraInfo(
+        stream="front", epoch=first.epoch, width=first.width, height=first.height,
+        source_width=first.width, source_height=first.height, fps=_FPS, source="test",
+        horizontal_fov_rad=1.2, mount_height_m=0.8, mount_pitch_rad=0.0, host=monotonic_clock(),
+    )  # fmt: skip
+    heard: list[bytes] = []
+    health: list[Health] = []
+
+    def trouble() -> str:
+        return health[-1].reason if health else ""
+
+    with ExitStack() as stack:
+        endpoint = stack.enter_context(network.router())
+        session = stack.enter_context(network.client(endpoint))
+        stack.enter_context(Latched(session, keys.info("front"), qos.INFO)).set(info)
+        for key, take in (
+            (keys.tracks("front"), lambda sample: heard.append(sample.payload.to_bytes())),
+            (keys.ALL_HEALTH, lambda sample: health.append(
+                decode(Health, sample.payload.to_bytes()))),
+        ):  # fmt: skip
+            stack.callback(session.declare_subscriber(key, take).undeclare)
+        command = (
+            "-P",
+            "-m",
+            "heel.services.tracker",
+            "--connect",
+            endpoint,
+            "--log-level",
+            "info",
+        )
+        process = stack.enter_context(running(*command, HEEL_RUNTIME_DIR=str(tmp_path)))
+        wait_until(lambda: "is up" in process.stderr(), "the tracker", _START_S)
+        robot = Robot(session, info)
+        robot.start()
+        stack.callback(robot.join)
+        stack.callback(robot.over.set)
+
+        def measured() -> list[Tracks]:
+            told = [decode(Tracks, payload) for payload in list(heard)]
+            return [one for one in told if any(t.distance_m is not None for t in one.tracks)]
+
+        wait_until(lambda: len(measured()) > 8, "distances by depth")
+        assert health[-1].details["distances"] == "by depth"
+        robot.measures.clear()
+        wait_until(lambda: "distances rest on boxes again" in trouble(), "the loss of depth")
+        latest = decode(Tracks, heard[-1])
+        assert latest.tracks
+        assert all(track.distance_m is None for track in latest.tracks)
+        robot.measures.set()
+        wait_until(lambda: not trouble() and health[-1].state == "ok", "depth to be back")
+        robot.over.set()
+        time.sleep(0.2)
+    camera = camera_from_info(info)
+    assert camera is not None
+    core, expected = Tracker(TrackerSettings()), {}
+    for seq, blobs in robot.blobs.items():
+        plain = core.update(blobs)
+        core.settle()
+        expected[seq] = plain, with_depth(plain, depth_of(seq, blobs), camera)
+    for payload in heard:
+        plain, placed = expected[decode(Tracks, payload).seq]
+        assert payload in (encode(plain), encode(placed))
