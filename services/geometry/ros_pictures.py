@@ -52,6 +52,40 @@ def picture_of(message: Any) -> Picture:
     return np.asarray(cv2.cvtColor(pixels, conversion), np.uint8)
 
 
+_DEPTHS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+"""Encodings of depth: millimetres, and metres (REP 118)."""
+
+
+def depth_of(message: Any) -> NDArray[np.uint16]:
+    """The depth picture (H, W) uint16 mm of a sensor_msgs/Image, 0 for no measurement (REP 118).
+
+    Raises:
+        HeelError: an encoding that is not read, or sizes that do not fit the data.
+    """
+    kind = _DEPTHS.get(str(message.encoding))
+    if kind is None:
+        raise HeelError(
+            f"depth encoding {str(message.encoding)[:40]!r} is not read: let the camera publish "
+            "16UC1 (mm) or 32FC1 (m), not compressed"
+        )
+    order = np.dtype((">" if message.is_bigendian else "<") + kind)
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    data = np.frombuffer(message.data, np.uint8)
+    sized = 0 < width <= MAX_DIMENSION_PX and 0 < height <= MAX_DIMENSION_PX
+    if not sized or step < width * order.itemsize or len(data) < height * step:
+        raise HeelError(
+            f"depth of {width}x{height} {message.encoding} with a step of {step} bytes has "
+            f"{len(data)} bytes: it is cut or not of that kind"
+        )
+    rows = data[: height * step].reshape(height, step)[:, : width * order.itemsize]
+    values = np.ascontiguousarray(rows).view(order)
+    if order.kind == "u":
+        return values.astype(np.uint16)
+    with np.errstate(invalid="ignore", over="ignore"):
+        there = (values > 0) & (values < np.iinfo(np.uint16).max / 1000)
+        return np.where(there, np.rint(np.where(there, values, 0) * 1000), 0).astype(np.uint16)
+
+
 def compressed_picture_of(message: Any) -> Picture:
     """The pixels of a sensor_msgs/CompressedImage.
 

@@ -33,6 +33,7 @@ class Heard:
 
     picture: Any = None
     picture_ns: int = 0
+    depth: Any = None
     info: Any = None
     scan: Any = None
     odometry: Any = None
@@ -209,6 +210,7 @@ def topics_of(settings: Ros2Settings) -> dict[str, tuple[str, Any]]:
     compressed = settings.image_topic.rstrip("/").endswith("/compressed")
     wanted = {
         "picture": (settings.image_topic, CompressedImage if compressed else Image),
+        "depth": (settings.depth_topic, Image),
         "info": (settings.camera_info_topic, CameraInfo),
         "scan": (settings.scan_topic, LaserScan),
         "odometry": (settings.odometry_topic, Odometry),

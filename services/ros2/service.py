@@ -38,12 +38,18 @@ from heel.services.ros2.convert import (
     lens_of,
     sectors_of,
 )
+from heel.services.ros2.depth import DepthPairs, obstacles, stamp_ns
 from heel.services.ros2.node import Heard, RosNode
 from heel.services.ros2.settings import Ros2Settings
 from heel.services.ros2.telling import Telling
 from heel.services.runtime import qos
 from heel.services.runtime.clock import monotonic_clock
-from heel.services.runtime.images import ImagePublisher, StreamIdentity, image_header
+from heel.services.runtime.images import (
+    DepthPublisher,
+    ImagePublisher,
+    StreamIdentity,
+    image_header,
+)
 from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
@@ -54,6 +60,8 @@ _SILENT_S = 0.2
 """Silence of the drive from which zero is sent in its place [s]; it speaks 50 times a second."""
 _ZERO_S = 0.05
 """Time between zeros that are sent in its place [s]."""
+_TOLD_S = 1.0
+"""How long health tells of depth that cannot be read [s]; chosen by hand: some tens of pictures."""
 _MOST_LATE_NS = 10_000_000_000
 """Oldest stamp of a picture that is believed [ns]: beyond it the two clocks differ; chosen by
 hand."""
@@ -77,11 +85,14 @@ class Bridge:
         self._image = ImagePublisher(context, s.jpeg_quality, None)
         self._odometry = context.publisher(keys.ROBOT_ODOMETRY, qos.ODOMETRY)
         self._ranges = context.publisher(keys.ROBOT_RANGE, qos.RANGES)
+        self._depth = DepthPublisher(context) if s.depth_topic else None
+        self._pairs = DepthPairs()
         self._telling = Telling(context, node)
         self._state: FollowState | None = None
         self._reader = OdometryReader()
         self._frames = self._scans = 0
         self._described: tuple[object, ...] | None = None
+        self._described_as: CameraInfo | None = None
         self._lens_message: Any = None
         self._drive_s = -math.inf
         self._zero_s = -math.inf
@@ -121,6 +132,8 @@ class Bridge:
             self._scan(heard.scan, now_s)
         if heard.picture is not None:
             self._picture(heard, now_s)
+        if self._depth is not None:
+            self._measure(self._depth, heard.depth, now_s)
 
     def _stop(self) -> None:
         message = EStop(
@@ -139,6 +152,24 @@ class Bridge:
         self._ranges.send(Ranges(seq=self._scans, sectors=sectors), 0.0)
         self._scans += 1
 
+    def _measure(self, publisher: DepthPublisher, message: Any, now_s: float) -> None:
+        """Pass depth on, and what it shows in the way where there is no scanner."""
+        try:
+            found = self._pairs.depth(message)
+            if found is not None:
+                publisher.send(*found)
+        except HeelError as error:
+            self._context.warn.warning("depth", f"{error}", now_s)
+            self._context.statistics.problem("depth", f"no depth: {error}", now_s + _TOLD_S)
+            return
+        info = self._described_as
+        if found is None or info is None or self._settings.scan_topic:
+            return
+        sectors = obstacles(found[1], info)
+        if sectors is not None:
+            self._ranges.send(Ranges(seq=self._scans, sectors=sectors), 0.0)
+            self._scans += 1
+
     def _picture(self, heard: Heard, now_s: float) -> None:
         compressed = hasattr(heard.picture, "format")
         try:
@@ -152,9 +183,7 @@ class Bridge:
         size = picture.shape[1], picture.shape[0]
         picture = fit_to_cap(picture)
         self._describe(picture, size, now_s)
-        stamp = heard.picture.header.stamp
-        stamp_ns = int(stamp.sec) * 10**9 + int(stamp.nanosec)
-        late_ns = self._node.now_ns() - stamp_ns
+        late_ns = self._node.now_ns() - stamp_ns(heard.picture.header)
         waited_ns = time.monotonic_ns() - heard.picture_ns
         # An unset stamp, or another machine's clock, tells nothing: the arrival counts.
         age_ns = late_ns if waited_ns <= late_ns <= _MOST_LATE_NS else waited_ns
@@ -168,6 +197,7 @@ class Bridge:
         )  # fmt: skip
         self._taken.send(taken, 0.0)
         self._image.send(header, picture)
+        self._pairs.picture(heard.picture.header, header)
         self._telling.picture(header.epoch, seq, heard.picture.header)
         self._frames += 1
         done_s = time.monotonic()
@@ -197,6 +227,7 @@ class Bridge:
         camera = None if lens is None else camera_from_info(info)
         if camera is not None:
             info = info.model_copy(update={"horizontal_fov_rad": camera.horizontal_fov_rad})
+        self._described_as = info
         self._info.set(info)
 
     def _command(self, now_s: float) -> None:

@@ -33,6 +33,11 @@ class Ros2Settings(ServiceSettings):
     camera_info_topic: Topic = Field(
         "camera/camera_info", description="sensor_msgs/CameraInfo: the lens; empty: none"
     )
+    depth_topic: Topic = Field(
+        "", description="sensor_msgs/Image of depth, aligned to the picture, 16UC1 (mm) or 32FC1 "
+        "(m); where scan_topic is empty and the mounting is known, free distances are those of it; "
+        "empty: none"
+    )  # fmt: skip
     scan_topic: Topic = Field("scan", description="sensor_msgs/LaserScan; empty: no ranges")
     odometry_topic: Topic = Field("odom", description="nav_msgs/Odometry; empty: none")
     estop_topic: Topic = Field(

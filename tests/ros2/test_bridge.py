@@ -33,7 +33,7 @@ from heel.schemas import (
     encode,
     keys,
 )
-from heel.schemas.image import decode_image
+from heel.schemas.image import decode_depth, decode_image
 from tests.support import network
 from tests.support.driving import drive_process
 from tests.support.network import wait_until
@@ -106,6 +106,7 @@ def session(endpoint: str) -> Iterator[zenoh.Session]:
 @pytest.fixture(scope="module")
 def bridge(endpoint: str) -> Iterator[Running]:
     command = ("-P", "-m", "heel.services.ros2", "--connect", endpoint, "--estop-topic", "estop",
+               "--depth-topic", "camera/depth",
                "--people-topic", "people", "--diagnostics-topic", "diagnostics",
                "--log-level", "info")  # fmt: skip
     with running(
@@ -122,8 +123,8 @@ def sensors(base: Base) -> dict[str, Any]:
     from std_msgs.msg import Bool
 
     qos = rclpy.qos.qos_profile_sensor_data
-    kinds = {"camera/image_raw": Image, "camera/camera_info": RosInfo, "scan": LaserScan,
-             "odom": RosOdometry, "estop": Bool}  # fmt: skip
+    kinds = {"camera/image_raw": Image, "camera/depth": Image, "camera/camera_info": RosInfo,
+             "scan": LaserScan, "odom": RosOdometry, "estop": Bool}  # fmt: skip
     return {topic: base.node.create_publisher(kind, topic, qos) for topic, kind in kinds.items()}
 
 
@@ -174,6 +175,41 @@ def test_camera_scan_and_odometry_arrive(base: Base, bridge: Running, session: A
     assert told is not None
     assert told.lens is not None
     assert told.lens.focal_px == (50.0, 50.0)
+
+
+def test_depth_arrives_under_the_header_of_its_picture(
+    base: Base, bridge: Running, session: Any
+) -> None:
+    from sensor_msgs.msg import Image
+
+    publishers = sensors(base)
+    image = Image(height=48, width=64, encoding="bgr8", step=192)
+    image.data = array.array("B", bytes(48 * 192))
+    metres = np.linspace(0.5, 4.0, 24 * 32, dtype=np.float32).reshape(24, 32)
+    metres[0, 0] = np.nan
+    depth = Image(height=24, width=32, encoding="32FC1", step=128)
+    depth.data = array.array("B", metres.tobytes())
+    with (
+        network.collected(session, keys.depth("front")) as depths,
+        network.collected(session, keys.image("front")) as images,
+    ):
+
+        def arrived() -> bool:
+            image.header.stamp = depth.header.stamp = base.node.get_clock().now().to_msg()
+            publishers["camera/image_raw"].publish(image)
+            publishers["camera/depth"].publish(depth)
+            time.sleep(0.05)
+            return depths.qsize() > 2
+
+        wait_until(arrived, "depth", 20.0)
+        sample, seen = depths.get(), set()
+        while images.qsize():
+            seen.add(decode(Header, images.get().attachment.to_bytes()).frame_id())
+    header = decode(Header, sample.attachment.to_bytes())
+    assert header.frame_id() in seen
+    told = decode_depth(sample.payload.to_bytes(), header, str(sample.encoding))
+    assert told[0, 0] == 0
+    assert np.abs(told / 1000 - np.nan_to_num(metres)).max() <= 0.0005 + 1e-6
 
 
 def test_velocities_come_at_the_drives_rate_and_are_zero_once_it_is_killed(

@@ -53,7 +53,6 @@ class Camera:
 
     def depth_mm(self) -> Depth:
         """What the same camera measures of the world now, (H / 2, W / 2) uint16."""
-        self.picture()
         return self._renderer.measure(self._world)
 
 

@@ -91,7 +91,9 @@ class SecondView:
 
     def __init__(self, beside: Any, size_px: tuple[int, int], state: Any) -> None:
         self._canvas = _canvas(size_px)
-        self._camera = beside.attach_new_node(core.Camera("second", beside.node().get_lens()))
+        self._camera = beside.attach_new_node(
+            core.Camera("second", _at_middles(beside.node().get_lens(), size_px))
+        )
         self._camera.node().set_initial_state(state)
         self._canvas.region.set_camera(self._camera)
 
@@ -169,3 +171,14 @@ def _canvas(size_px: tuple[int, int]) -> _Canvas:
 def _give_back(canvas: _Canvas) -> None:
     canvas.forget()
     _idle.setdefault(canvas.size, []).append(canvas)
+
+
+def _at_middles(lens: Any, size_px: tuple[int, int]) -> Any:
+    """The lens shifted by half a pixel: the renderer draws a row as it is at its lower edge.
+
+    Where nothing is averaged that is 4 % of the distance of a floor 10 m away (measured). As much
+    is left there in places, as corners of surfaces are put on whole pixels.
+    """
+    shifted, film = lens.make_copy(), lens.get_film_size()
+    shifted.set_film_offset(0.0, film[1] / (2 * size_px[1]))
+    return shifted

@@ -61,30 +61,32 @@ class Renderer:
         return self._filter.apply(picture, world.t_s, world.brightness, turn_radps)
 
     def measure(self, world: WorldView) -> NDArray[np.uint16]:
-        """What a depth camera tells of the world drawn last, (H / 2, W / 2) uint16 mm, 0: nothing.
+        """What a depth camera tells, (H / 2, W / 2) uint16 mm, 0 for no measurement.
 
         Of mirrors and panes of glass it sees what the picture shows in them.
-
-        Args:
-            world: as it was when it was drawn.
         """
-        return self._depth_sensor.measure(self.true_depth(), world.t_s)
+        return self._depth_sensor.measure(self.true_depth(world), world.t_s)
 
-    def true_depth(self) -> NDArray[np.float32]:
+    def true_depth(self, world: WorldView) -> NDArray[np.float32]:
         """The same without errors, in metres along the optical axis; 0 beyond 12 m."""
         if self._depth_view is None:
             self._depth_view = DepthView(self._camera)
+        self._arrange(world)
         return self._depth_view.draw()
 
     def draw_clean(self, world: WorldView) -> NDArray[np.uint8]:
         """The same in normal light by a perfect camera."""
+        self._arrange(world)
+        return self._camera.draw()
+
+    def _arrange(self, world: WorldView) -> None:
+        """Put camera and people where they are."""
         robot, mount = world.robot, self._mount
         eye = robot.x_m, robot.y_m, mount.height_m
         self._camera.place(eye, robot.heading_rad, mount.pitch_rad)
         self._stage.centre_far_view(*eye)
         images = mirror_images(world.people, world.scenery.obstacles, eye[:2])
         self._cast((*world.people, *images))
-        return self._camera.draw()
 
     def _cast(self, people: tuple[PersonState, ...]) -> None:
         """Pose all people; bodies come and go with their people."""

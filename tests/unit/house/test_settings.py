@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 188
+MOST = 189
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from heel.schemas import HeelError, Ranges
-from heel.services.geometry.ros_pictures import compressed_picture_of, picture_of
+from heel.services.geometry.ros_pictures import compressed_picture_of, depth_of, picture_of
 from heel.services.ros2.check import End, judged_input, judged_output
 from heel.services.ros2.convert import (
     OdometryReader,
@@ -167,3 +167,38 @@ def test_the_check_says_what_does_not_fit_and_what_next() -> None:
     )
     assert judged_output("/cmd_vel", twist, []).remedy
     assert not judged_output("/cmd_vel", twist, [End(twist, True)]).remedy
+
+
+def depth(values: np.ndarray, encoding: str, big: bool = False, padding: int = 0) -> Fields:
+    stored = values.astype(values.dtype.newbyteorder(">" if big else "<"))
+    rows = np.frombuffer(stored.tobytes(), np.uint8).reshape(len(values), -1)
+    rows = np.pad(rows, ((0, 0), (0, padding)))
+    return Fields(
+        encoding=encoding, height=len(values), width=values.shape[1], step=rows.shape[1],
+        data=rows.tobytes(), is_bigendian=int(big),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("padding", [0, 4])
+@pytest.mark.parametrize("big", [False, True])
+def test_depth_in_millimetres_and_metres_comes_out_the_same(big: bool, padding: int) -> None:
+    told = np.array([[0, 1500, 65535], [1, 300, 2]], np.uint16)
+    assert (depth_of(depth(told, "16UC1", big, padding)) == told).all()
+    metres = np.array([[np.nan, 1.5, 65.534], [-1.0, np.inf, 70.0]], np.float32)
+    expected = [[0, 1500, 65534], [0, 0, 0]]
+    assert depth_of(depth(metres, "32FC1", big, padding)).tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"encoding": "8UC1"}, "8UC1' is not read"), ({"data": b"12"}, "it is cut"),
+        ({"step": 2}, "it is cut"), ({"width": 0}, "it is cut"), ({"height": 2**31}, "it is cut"),
+    ],
+)  # fmt: skip
+def test_depth_that_cannot_be_is_refused(change: dict[str, object], words: str) -> None:
+    message = depth(np.ones((2, 3), np.uint16), "16UC1")
+    for name, value in change.items():
+        setattr(message, name, value)
+    with pytest.raises(HeelError, match=words):
+        depth_of(message)

@@ -14,7 +14,7 @@ from heel.services.simulator.render.effects import CameraEffects
 from heel.services.simulator.render.renderer import Renderer
 from heel.services.simulator.solids import Solids
 from heel.services.simulator.state import CameraMount, PersonState, RobotState
-from heel.services.simulator.views import look
+from heel.services.simulator.views import lens, look
 from tests.unit.simulator.drawn_world import MEADOW, StillWorld, person
 
 FOOT_M = 0.16
@@ -108,3 +108,38 @@ def test_who_is_nearer_hides_who_is_behind() -> None:
         torso = (slice(185, 225), slice(312, 328))
         difference = renderer.draw_clean(both).astype(int) - renderer.draw_clean(alone)
         assert np.abs(difference[torso]).max() == 0
+
+
+def test_true_depth_is_that_of_the_floor_and_of_who_stands_on_it(
+    camera: tuple[CameraMount, Renderer],
+) -> None:
+    mount, renderer = camera
+    world = StillWorld((person(4.0, 0.5, math.pi / 2),))
+    true_m = renderer.true_depth(world)
+    height, width = mount.height_px // 2, mount.width_px // 2
+    assert true_m.shape == (height, width)
+    rows, columns = np.mgrid[:height, :width] * 2.0 + 1.0
+    _, _, fall = lens(mount).rays(np.stack([columns, rows], axis=-1))
+    floor_m = mount.height_m / np.where(fall > 0.01, fall, np.nan)
+    sight = look(world, Solids(()), mount)
+    left, top, right, bottom = (sight.box_xyxy[0] / 2).round().astype(int)
+    body = np.zeros(true_m.shape, bool)
+    body[max(top - 2, 0) : bottom + 12, left - 12 : right + 12] = True
+    for within_m, error in ((3.0, 0.015), (10.0, 0.06)):
+        near = ~body & (floor_m < within_m)
+        assert near.sum() > 1000
+        assert np.abs(true_m[near] / floor_m[near] - 1.0).max() < error
+    middle = slice((left + right) // 2 - 2, (left + right) // 2 + 3)
+    chest = true_m[top + (bottom - top) // 4 : top + (bottom - top) // 3, middle]
+    # They show their shoulder.
+    assert 0.05 < sight.depth_m[0] - float(np.median(chest)) < 0.33
+    assert np.all(true_m[~body & ~(floor_m < 40.0)] == 0.0)
+
+
+def test_depth_leaves_the_picture_as_it_was(camera: tuple[CameraMount, Renderer]) -> None:
+    _, renderer = camera
+    world = StillWorld((person(4.0, 0.5, math.pi / 2),))
+    before = renderer.draw_clean(world)
+    first = renderer.measure(world)
+    assert np.array_equal(renderer.draw_clean(world), before)
+    assert np.array_equal(renderer.measure(world), first)
