@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from heel.schemas import EndOfStream, FollowState, Health, MessageError, Tracks, decode, keys
 from heel.services.commands.robot import Where
-from heel.services.runtime.chain import MISSING, ChainWatch, Problem, page_of
+from heel.services.runtime.chain import Problem
 from heel.services.runtime.logs import printable
+from heel.services.runtime.robots import RobotWatch
 
 if TYPE_CHECKING:
     from heel.services.runtime.inbox import Arrival
@@ -20,12 +21,10 @@ _MOST_UNREADABLE = 5
 
 
 @dataclass
-class Observed:
+class Observed(RobotWatch):
     """The services, the newest tracks and the follower's newest state."""
 
-    watch: ChainWatch = field(default_factory=ChainWatch)
     tracks: Tracks | None = None
-    state: FollowState | None = None
     unreadable: list[str] = field(default_factory=list)
 
     def take(self, arrival: Arrival) -> None:
@@ -52,31 +51,14 @@ class Observed:
             self.watch.hear(decode(Health, arrival.payload, arrival.encoding), now_s)
         elif arrival.topic == "state":
             self.state = decode(FollowState, arrival.payload, arrival.encoding)
+            self.state_s = now_s
         elif arrival.encoding != EndOfStream.encoding():
             self.tracks = decode(Tracks, arrival.payload, arrival.encoding)
 
     def problems(self, where: Where, now_s: float) -> list[Problem]:
         """Problems of the services that are present, and the services that are missing."""
-        found = self.watch.problems(now_s)
-        expected = set(where.expected)
-        for part, state in self.watch.rows(now_s):
-            if state == "ok" and part.health.details.get(MISSING):
-                expected |= set(part.health.details[MISSING].split(","))
-        missing = self.watch.missing(expected, now_s)
-        if where.run is None:
-            # Nothing is known of whether it ever ran.
-            missing = [
-                replace(one, words=f"{one.part}: not running, and the robot's stack has it")
-                if one.part in where.stack else one
-                for one in missing
-            ]  # fmt: skip
-        return found + missing
-
-    @property
-    def page(self) -> str | None:
-        """Where the live page is, if one is served."""
-        urls = [page_of(part.health) for part in self.watch.parts.values()]
-        return next((url for url in urls if url), None)
+        # Of a run it is known that its parts did run.
+        return self.lacks(where.expected, now_s, where.stack if where.run is None else ())
 
     @property
     def people(self) -> list[dict[str, Any]]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import zenoh
 
     from heel.services.runtime.registry import Run
-    from heel.services.runtime.settings import ZenohSettings
+    from heel.services.runtime.settings import RobotSettings, ZenohSettings
 
 TIMEOUT_S = 2.0
 """Longest wait for the router, and for a reply [s]; answers take milliseconds. Chosen by hand."""
@@ -103,7 +103,7 @@ class RobotFlags:
         """
         from heel.services.runtime.registry import runs
 
-        settings, stack = self._settings()
+        settings, own = self._settings()
         named = settings.model_fields_set & {"connect", "mode", "config_file"}
         asked = self.run is not None or self.robot is not None
         try:
@@ -121,7 +121,37 @@ class RobotFlags:
             chosen = _only(found, settings.connect[0])
         if chosen is not None and not named:
             settings = settings.model_copy(update={"connect": (chosen.endpoint,)})
-        return Where(settings, chosen, stack)
+        return Where(settings, chosen, own.stack)
+
+    def find_all(self) -> list[tuple[Where, tuple[str, ...]]]:
+        """Every router that may have robots, with the names of those that have to be there.
+
+        The one that is named; else every run on this machine, and the default router if it is here.
+
+        Raises:
+            SettingsError: one robot is named, or nothing runs here.
+        """
+        from heel.services.runtime.registry import runs
+
+        if self.run is not None or self.robot is not None:
+            raise SettingsError("--all is every robot: leave out --robot and --run")
+        settings, robot = self._settings()
+        found: list[tuple[Where, tuple[str, ...]]] = []
+        named = settings.model_fields_set & {"connect", "mode", "config_file"}
+        if not named:
+            found += [
+                (Where(settings.model_copy(update={"connect": (run.endpoint,), "namespace": ""}),
+                       run), ())
+                for run in runs() if _listens(run.endpoint)
+            ]  # fmt: skip
+        if named or robot.robots or _listens(settings.connect[0]):
+            found.append((Where(settings, None, robot.stack), robot.robots))
+        if not found:
+            raise SettingsError(
+                "nothing runs here: no heel demo, no heel run, no router at "
+                f"{settings.connect[0]}: name the router of the robots with --connect"
+            )
+        return found
 
     def _asked(self, found: list[Run]) -> Run:
         """The run that is named by its process or its robot.
@@ -142,7 +172,7 @@ class RobotFlags:
         processes = ", ".join(f"--run {one.pid}" for one in fitting)
         raise SettingsError(f"--robot {self.robot}: several have that name: {processes}")
 
-    def _settings(self) -> tuple[ZenohSettings, tuple[str, ...]]:
+    def _settings(self) -> tuple[ZenohSettings, RobotSettings]:
         from heel.services.runtime.settings import RobotSettings, load_settings
 
         given = {
@@ -153,7 +183,7 @@ class RobotFlags:
             "zenoh": {"connect_timeout_s": TIMEOUT_S} | {k: v for k, v in given.items() if v}
         }
         loaded = load_settings("robot", RobotSettings, flags, self.config)
-        return loaded.zenoh, loaded.service.stack
+        return loaded.zenoh, loaded.service
 
 
 def for_robot(command: Callable[Concatenate[RobotFlags, P], None]) -> Callable[..., None]:

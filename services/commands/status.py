@@ -8,14 +8,15 @@ from typing import Annotated, Any
 
 import typer
 
-from heel.schemas import FollowState, Health, HeelError, keys
+from heel.schemas import FollowState, HeelError, keys
 from heel.services.commands.bus.listening import Listening, listening
 from heel.services.commands.columns import aligned
 from heel.services.commands.follow import shown
 from heel.services.commands.observed import TOPICS, Observed, facts, sight
 from heel.services.commands.robot import RobotFlags, Where, ask, for_robot
+from heel.services.commands.robots import show_all
 from heel.services.commands.screen import Screen
-from heel.services.runtime.chain import CHAIN, WITHHELD, Part, PartState, Problem, describe
+from heel.services.runtime.chain import WITHHELD, Part, PartState, Problem, describe, fails
 from heel.services.runtime.logs import printable
 from heel.services.runtime.process import software_version
 
@@ -34,11 +35,21 @@ def status(
     watch: Annotated[
         bool, typer.Option("--watch", help="show it anew every second until Ctrl-C")
     ] = False,
+    everyone: Annotated[
+        bool,
+        typer.Option(
+            "--all", help="every robot of the router and every run on this machine, a line each"
+        ),
+    ] = False,
 ) -> None:
     """Show which services run, who is missing, who is in sight and what the follower is doing.
 
     Ends with 1 if anything is not as it should be, and names it.
     """
+    if everyone:
+        if show_all(robot.find_all(), as_json, watch, _LISTEN_S, _WATCH_S):
+            raise typer.Exit(1)
+        return
     where = robot.find()
     heard = Observed()
     for_s = None if watch else _LISTEN_S
@@ -65,7 +76,7 @@ def status(
             typer.echo(line)
         for line in heard.unreadable:
             typer.echo(line, err=True)
-    if problems or any(_fails(part.health) for part, state in rows if state == "ok"):
+    if problems or any(fails(part.health) for part, state in rows if state == "ok"):
         raise typer.Exit(1)
 
 
@@ -93,12 +104,6 @@ def _watch(bus: Listening, heard: Observed, as_json: bool) -> None:
                 screen.show([json.dumps(_as_json(heard, bus.where, rows, problems))])
             else:
                 screen.show([*bus.away_lines(now_s), *lines(heard, bus.where, rows, problems)])
-
-
-def _fails(health: Health) -> bool:
-    """Whether a service that sends health does not do its work; a degraded one may still do it."""
-    idle = health.rate_out_hz == 0.0 and health.service in CHAIN
-    return health.state == "error" or (health.state == "degraded" and idle)
 
 
 def _as_json(

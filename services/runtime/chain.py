@@ -21,6 +21,8 @@ CAMERA, PERCEPTION, MISSING, WITHHELD = "camera", "perception", "missing", "with
 which parts of the chain it has seen going; why people that may be in sight are not shown."""
 STANDBY = "standby"
 """Another one: that it sends nothing, and waits to take over from the one that does."""
+CERTIFICATE = "certificate"
+"""Another one: that its certificate ends soon."""
 _PER_CAMERA = ("capture", "detector", "tracker")
 _ONE_AT_A_TIME = (*CHAIN, "simulator", "ros2")
 _KNOWN = (*_ONE_AT_A_TIME, "web", "recorder")
@@ -46,7 +48,7 @@ class Problem:
     """What keeps a person from being followed, in words for a user."""
 
     part: str
-    kind: Literal["gone", "silent", "doubled", "bus"]
+    kind: Literal["gone", "silent", "doubled", "bus", "fails"]
     words: str
 
 
@@ -249,6 +251,12 @@ def page_of(health: Health) -> str | None:
     """
     url = health.details.get("url", "")
     return url if health.service == "web" and _PAGE.fullmatch(url) else None
+
+
+def fails(health: Health) -> bool:
+    """Whether a service that sends health does not do its work; a degraded one may still do it."""
+    idle = health.rate_out_hz == 0.0 and health.service in CHAIN
+    return health.state == "error" or (health.state == "degraded" and idle)
 
 
 def describe(problems: Iterable[Problem]) -> list[dict[str, Any]]:

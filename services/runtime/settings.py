@@ -203,6 +203,12 @@ class RobotSettings(StrictSettings):
         max_length=16,
         description="services that have to run, comma separated: heel status names the missing",
     )
+    robots: Annotated[tuple[str, ...], BeforeValidator(split_list)] = Field(
+        (),
+        max_length=256,
+        description="names of the robots on the router that have to be there, comma separated: "
+        "heel status --all and the page of robots name the missing",
+    )
 
 
 class ServiceSettings(StrictSettings):

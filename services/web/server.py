@@ -17,7 +17,7 @@ from aiohttp import WSCloseCode, web
 
 from heel.schemas import HeelError, SettingsError
 from heel.services.web.connections import IDLE_S, Connection
-from heel.services.web.handlers import SOCKETS, Site
+from heel.services.web.door import SOCKETS, Door
 from heel.services.web.hub import Hub
 
 _START_DEADLINE_S = 5.0
@@ -83,7 +83,7 @@ class ServerThread(threading.Thread):
     """
 
     def __init__(
-        self, site: Site, listener: socket.socket, log: logging.Logger,
+        self, site: Door, listener: socket.socket, log: logging.Logger,
         tls: ssl.SSLContext | None = None,
     ) -> None:  # fmt: skip
         super().__init__(name="web-server", daemon=True)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import zenoh
@@ -30,26 +30,22 @@ from heel.services.runtime.chain import Problem
 from heel.services.runtime.chain import describe as describe_problems
 from heel.services.runtime.inbox import Arrival
 from heel.services.runtime.latched import LatchedQuery
+from heel.services.runtime.robots import ROBOTS_PAGE
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
 from heel.services.runtime.streams import StreamJudge
-from heel.services.security.folder import own_names
 from heel.services.web.above import ViewFromAbove
-from heel.services.web.address import reachable_host, show_code
-from heel.services.web.connections import Connections, room_for_connections
 from heel.services.web.control import Control
 from heel.services.web.frames import ViewFrame, describe
-from heel.services.web.guard import HostGuard
-from heel.services.web.handlers import MOST_LOGINS, Site
+from heel.services.web.handlers import Site
 from heel.services.web.hub import Hub
 from heel.services.web.joiner import FrameJoiner, HeldImage, Joined
-from heel.services.web.login import Login
 from heel.services.web.picture import to_jpeg
 from heel.services.web.rate import RateLimiter
-from heel.services.web.server import ServerThread, listen, tls_context
-from heel.services.web.settings import WebServiceSettings, is_loopback
+from heel.services.web.robots_page import serve_robots
+from heel.services.web.serving import serving
+from heel.services.web.settings import WebServiceSettings
 from heel.services.web.status import StatusBoard
-from heel.services.web.worker import Worker
 
 _TRACKS_DEADLINE_S = 0.4
 """A picture waits so long for its tracks, then goes without: twice what a slow detector takes."""
@@ -299,44 +295,26 @@ def _age_s(header: Header, arrived_s: float, now_s: float) -> float:
 
 def serve(context: ServiceContext[WebServiceSettings]) -> None:
     """Serve the page until the service is stopped."""
-    settings = context.settings
-    listener = listen(settings.host, settings.port)
-    host, port = listener.getsockname()[:2]
-    shown_host = f"[{host}]" if ":" in host else host
-    tls = None
+    if context.settings.robots:
+        serve_robots(context)
+        return
     with ExitStack() as resources:
-        resources.callback(listener.close)
-        login = None if settings.users_file is None else Login(settings.users_file)
-        if settings.certificate is not None:
-            tls = tls_context(settings.certificate, settings.certificate_key)
-        names = settings.names
-        if login is not None:
-            # Another site's name for this machine has none of the cookies.
-            names += own_names()
-            shown_host = reachable_host(shown_host)
-        url = f"{'http' if tls is None else 'https'}://{shown_host}:{port}/"
-        hub = Hub(settings.max_viewers)
+        hub = Hub(context.settings.max_viewers)
         control = Control(context, resources)
         service = WebService(context, hub, control)
         service.tick(time.monotonic())
-        wide = not is_loopback(settings.host)
-        guard = HostGuard(host, port, names, wide, tls is not None)
-        connections = Connections(room_for_connections(), context.log)
-        checks = None if login is None else Worker("login", MOST_LOGINS, resources)
-        site = Site(hub, control, guard, connections, login, checks, tls is not None)
-        resources.enter_context(ServerThread(site, listener, context.log, tls))
-        context.statistics.details["url"] = url
-        context.log.info("page at %s", url)
-        if wide and login is None:
-            context.log.warning("whoever reaches %s can watch and drive", url)
-        if wide and sys.stderr.isatty():
-            show_code(url, sys.stderr)
-        context.announce()
-        service.run()
+        with serving(context, partial(Site, hub=hub, control=control)) as url:
+            context.statistics.details["url"] = url
+            context.announce()
+            service.run()
 
 
 def run(loaded: Loaded[WebServiceSettings]) -> int:
     """Run the web process; returns its exit code."""
+    if loaded.service.robots and loaded.service.instance == "main":
+        # Beside the page of a robot whose keys have no name before them either.
+        own = loaded.service.model_copy(update={"instance": ROBOTS_PAGE})
+        loaded = loaded.model_copy(update={"service": own})
     # Four processes share the cores already: threads inside OpenCV only take turns.
     cv2.setNumThreads(1)
     return run_service("web", loaded, serve)

@@ -48,6 +48,11 @@ class WebServiceSettings(ServiceSettings):
         description="further names the page may be asked for by, comma separated; with the port "
         "where it differs, e.g. localhost:8080 behind a port mapping",
     )
+    robots: Endpoints = Field(
+        (),
+        description="list the robots of this router, in place of one robot's picture: `all`, or "
+        "the names of those that have to be there, comma separated",
+    )
     max_fps: float = Field(15.0, gt=0, le=60, description="pictures per second for viewers")
     max_side_px: int = Field(
         960, ge=160, le=3840, description="larger pictures are scaled to this longer side"

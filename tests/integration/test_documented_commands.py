@@ -108,6 +108,11 @@ ELSEWHERE = {
     "docker compose logs detector":
         "tests/docker/test_docs.py::test_a_network_in_the_folder_is_used",
     "heel status": _SERVICES,
+    **dict.fromkeys(
+        ("heel status --all", "heel web --robots all --port 8480"),
+        "tests/integration/test_robots.py::"
+        "test_two_robots_are_listed_and_one_that_ends_is_missed",
+    ),
     "heel follow nearest": _SERVICES,
     "heel stop": _SERVICES,
     "heel resume": _SERVICES,

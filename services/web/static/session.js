@@ -24,7 +24,10 @@ export async function showLogin(link) {
     location.replace("/login.html");
   };
   if (role !== "watch") return;
-  for (const id of ["stop", "resume", "nearest", "none"]) document.getElementById(id).disabled = true;
+  for (const id of ["stop", "resume", "nearest", "none"]) {
+    const refused = document.getElementById(id);
+    if (refused) refused.disabled = true;
+  }
 }
 
 /** Keeps the phone's screen on while the robot moves by itself; browsers allow it over TLS only. */

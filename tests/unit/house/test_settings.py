@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 189
+MOST = 191
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,

@@ -224,12 +224,13 @@ def let_in(settings: WebServiceSettings) -> object:
 
 WEB: Table = {
     "insecure": Changes(True, answered, {"host": "0.0.0.0"}),
-    "users_file": ReadBy("web/service.py", "Login(settings.users_file)"),
-    "certificate": ReadBy("web/service.py", "tls_context(settings.certificate"),
-    "certificate_key": ReadBy("web/service.py", "settings.certificate_key)"),
+    "users_file": ReadBy("web/serving.py", "Login(settings.users_file)"),
+    "certificate": ReadBy("web/serving.py", "tls_context(settings.certificate"),
+    "certificate_key": ReadBy("web/serving.py", "settings.certificate_key)"),
     "host": Changes("127.0.0.3", answered),
     "port": Changes(9000, answered),
     "names": Changes("robot.local", answered),
+    "robots": ReadBy("web/robots_page.py", "in context.settings.robots if"),
     "max_fps": Changes(5.0, admitted),
     "max_side_px": Changes(320, coded),
     "jpeg_quality": Changes(20, coded),
@@ -364,7 +365,10 @@ RECORDER: Table = {
 }
 
 
-ROBOT: Table = {"stack": ReadBy("commands/observed.py", "set(where.expected)")}
+ROBOT: Table = {
+    "stack": ReadBy("commands/observed.py", "self.lacks(where.expected"),
+    "robots": ReadBy("commands/robot.py", "robot.stack), robot.robots"),
+}
 
 
 TABLES: dict[str, tuple[type[BaseModel], Table]] = {
