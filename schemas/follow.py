@@ -156,3 +156,6 @@ class FollowState(Message):
     free_distance_m: NonNegative | None = Field(
         default=None, description="in the direction of travel, while ranges are fresh"
     )
+    nearest_person_m: NonNegative | None = Field(
+        default=None, description="distance of the nearest person in sight, whoever it is"
+    )

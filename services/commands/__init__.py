@@ -12,6 +12,7 @@ from heel.services.commands.eval import score
 from heel.services.commands.follow import follow
 from heel.services.commands.models import app as models
 from heel.services.commands.recording.replay import replay
+from heel.services.commands.report.command import report
 from heel.services.commands.run import run
 from heel.services.commands.scenarios import scenarios
 from heel.services.commands.schema import schema
@@ -45,6 +46,7 @@ def register_tools(app: typer.Typer) -> None:
     for command in (doctor, top, topics, hz, bw, echo, replay):
         app.command(rich_help_panel=_LOOK)(command)
     app.command(rich_help_panel=_LOOK)(why)
+    app.command(rich_help_panel=_LOOK)(report)
     app.command("eval", rich_help_panel=_MEASURE)(score)
     app.command("track-detections", rich_help_panel=_MEASURE)(track_detections)
     app.command(rich_help_panel=_MEASURE)(scenarios)

@@ -470,6 +470,10 @@ class Follower:
         ahead_m, left_m = (0.0, 0.0)
         if seen is not None:
             ahead_m, left_m = self._motion.pose.seen(*seen.filter.place_at(now_s))
+        nearest_m = min(
+            (math.hypot(*self._motion.pose.seen(*person.filter.place_at(now_s)))
+             for person in self._people.seen.values()), default=None,
+        )  # fmt: skip
         free_m, pending = self._surroundings.free_ahead_m(now_s), self._choice.pending
         self.state = FollowState(
             seq=self._seq, state=self._name, reason=reason, estop=self._estop, target=self.target,
@@ -481,5 +485,5 @@ class Follower:
             speed_reason=self._controller.speed_reason,
             pending_point_px=None if pending is None else pending.place_px,
             pending_for_s=None if pending is None else pending.for_s(now_s),
-            obstacle_watch=free_m is not None, free_distance_m=free_m,
+            obstacle_watch=free_m is not None, free_distance_m=free_m, nearest_person_m=nearest_m,
         )  # fmt: skip

@@ -341,12 +341,15 @@ class FollowerService:
         self._tell(state, started_s)
 
     def _tell(self, state: FollowState, now_s: float) -> None:
-        """Publish the state when it changes and now and then between; log changes only."""
+        """Publish the state when it changes and now and then between; log changes only.
+
+        A lossless run tells it with every command: its files are the same every time.
+        """
         target = state.target.track_id or state.target.mode
         self._state_log.tell(f"{state.state}: {state.reason} (target {target})", now_s)
         news = (state.state, state.reason, state.target, state.estop)
         if news == self._told:
-            if self._live and now_s - self._told_s >= _STATE_PERIOD_S:
+            if not self._live or now_s - self._told_s >= _STATE_PERIOD_S:
                 self._told_s = now_s
                 self._state.set(state)
             return

@@ -13,6 +13,7 @@ from heel.schemas import (
     Blobs,
     CameraInfo,
     EndOfStream,
+    FollowState,
     Health,
     MessageError,
     MotionCommand,
@@ -27,7 +28,7 @@ from heel.schemas.image import decode_image
 from heel.services.run.options import RunOptions
 from heel.services.run.outputs import RunOutputs
 from heel.services.run.silence import HUNG_S, Silences
-from heel.services.run.summary import RunSummary
+from heel.services.run.summary import Camera, RunSummary
 from heel.services.runtime import qos
 from heel.services.runtime.chain import page_of
 from heel.services.runtime.counters import ServiceStatistics
@@ -80,6 +81,7 @@ class Collector:
         inbox.subscribe("health", keys.ALL_HEALTH, qos.HEALTH)
         inbox.subscribe("info", keys.info(CAMERA), qos.INFO)
         inbox.subscribe("target", keys.FOLLOW_TARGET, qos.TARGET)
+        inbox.subscribe("state", keys.FOLLOW_STATE, qos.STATE.for_delivery("lossless"))
         self._join = _FrameJoin(frozenset(topics))
         self._progress = session.declare_publisher(
             keys.progress(CAMERA, CONSUMER), express=True,
@@ -132,7 +134,12 @@ class Collector:
             self._summary.peak_rss_mb[health.service] = health.peak_rss_mb
             self._page(page_of(health))
         elif arrival.topic == "info":
-            self.info = decode(CameraInfo, arrival.payload, arrival.encoding)
+            self.info = info = decode(CameraInfo, arrival.payload, arrival.encoding)
+            self._summary.camera = Camera(
+                info.source, info.fps, info.source_width, info.source_height
+            )
+        elif arrival.topic == "state":
+            self._outputs.state(decode(FollowState, arrival.payload, arrival.encoding))
         else:
             self._target_id = decode(Target, arrival.payload, arrival.encoding).track_id
 

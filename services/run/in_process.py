@@ -15,7 +15,7 @@ from heel.services.pipeline import RecordedFrames, load_pipeline
 from heel.services.run.options import RunOptions
 from heel.services.run.outputs import RunOutputs
 from heel.services.run.progress import RunProgress
-from heel.services.run.summary import RunSummary
+from heel.services.run.summary import Camera, RunSummary
 from heel.services.runtime import process
 from heel.services.tracker.trace import Trace
 from heel.services.tracker.trace_file import TraceFile
@@ -56,11 +56,13 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
         for frame, image, source_size in itertools.islice(frames, options.frames):
             if stop.is_set():
                 break
+            summary.camera = Camera(frames.source.name, frames.source.fps, *source_size)
             result = pipeline.step(frame, image, source_size)
             summary.captured = summary.detected = summary.tracked = frame.seq + 1
             summary.commands += 1
             outputs.tracks(result.tracks)
             outputs.command(result.command)
+            outputs.state(result.state)
             if outputs.film is not None:
                 outputs.film.write(image, result.tracks, result.target_id,
                                    f"frame {frame.index + 1}", frames.source.fps)  # fmt: skip

@@ -6,14 +6,19 @@ import csv
 import io
 from pathlib import Path
 
-from heel.schemas import HeelError, MotionCommand, Tracks
+from heel.schemas import FollowState, HeelError, MotionCommand, Tracks
 from heel.services.drawing import AnnotatedVideo
 from heel.services.run.folder import ResultFolder
 from heel.services.run.summary import RunSummary
 from heel.services.runtime.row_file import RowFile
 
 _COMMAND_COLUMNS = ("seq", "frame", "linear_mps", "angular_radps", "state", "reason")
-_TRACKS, _COMMANDS, _SUMMARY, _FILM = "tracks.txt", "commands.csv", "summary.json", "annotated.mp4"
+_STATE_COLUMNS = (
+    "seq", "state", "target", "distance_m", "nearest_person_m", "bearing_rad",
+    "identity_confidence", "runner_up_confidence", "tracks_age_s", "speed_reason",
+)  # fmt: skip
+_TRACKS, _COMMANDS, _STATES = "tracks.txt", "commands.csv", "states.csv"
+_SUMMARY, _FILM = "summary.json", "annotated.mp4"
 _SUMMARY_BYTES = 64 * 1024
 """Bytes that are reserved for the summary from the start, so that it states the end of the run also
 on a full disk. It has 5 to 20 kB."""
@@ -40,7 +45,7 @@ def track_rows(tracks: Tracks) -> list[str]:
 
 
 class RunOutputs:
-    """`tracks.txt`, `commands.csv`, `summary.json`, the logs and, if wanted, `annotated.mp4`.
+    """`tracks.txt`, `commands.csv`, `states.csv`, `summary.json`, logs, if wanted `annotated.mp4`.
 
     They are in the folder from the first tracked frame on (the summary and the film when they are
     finished); a run that comes to none leaves the folder as it was.
@@ -55,12 +60,14 @@ class RunOutputs:
 
     def __init__(self, folder: Path, summary: RunSummary, annotate: bool) -> None:
         self._summary = summary
-        self._results = ResultFolder(folder, (_TRACKS, _COMMANDS, _SUMMARY, _FILM))
+        self._results = ResultFolder(folder, (_TRACKS, _COMMANDS, _STATES, _SUMMARY, _FILM))
         staging = self._results.staging
         try:
             self._tracks = RowFile(staging / _TRACKS)
             self._commands = RowFile(staging / _COMMANDS)
             self._commands.append(_csv_row(_COMMAND_COLUMNS))
+            self._states = RowFile(staging / _STATES)
+            self._states.append(_csv_row(_STATE_COLUMNS))
             _reserve(staging / _SUMMARY, _SUMMARY_BYTES)
         except OSError as error:
             self._results.close()
@@ -74,6 +81,7 @@ class RunOutputs:
         try:
             self._tracks.close()
             self._commands.close()
+            self._states.close()
             film_is_whole = self.film is not None and self.film.close()
             if self._results.begun:
                 if film_is_whole:
@@ -96,7 +104,7 @@ class RunOutputs:
         """Write the shown people of one frame."""
         self._append(self._tracks, "".join(track_rows(tracks)))
         if not self._results.begun:
-            self._results.begin(_TRACKS, _COMMANDS)
+            self._results.begin(_TRACKS, _COMMANDS, _STATES)
 
     def command(self, command: MotionCommand) -> None:
         """Write one motion command."""
@@ -104,6 +112,15 @@ class RunOutputs:
         row = (command.seq, frame, f"{command.linear_mps:.4f}", f"{command.angular_radps:.4f}",
                command.state, command.reason)  # fmt: skip
         self._append(self._commands, _csv_row(row))
+
+    def state(self, state: FollowState) -> None:
+        """Write what the follower says of itself: `seq` is that of the command beside it."""
+        numbers = (state.distance_m, state.nearest_person_m, state.bearing_rad,
+                   state.identity_confidence, state.runner_up_confidence,
+                   state.tracks_age_s)  # fmt: skip
+        told = ("" if one is None else f"{one:.3f}" for one in numbers)
+        row = (state.seq, state.state, state.target.track_id or "", *told, state.speed_reason)
+        self._append(self._states, _csv_row(row))
 
     def _append(self, file: RowFile, rows: str) -> None:
         try:

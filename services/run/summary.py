@@ -70,6 +70,22 @@ def _network(file: str | None) -> tuple[str | None, str | None]:
     return name or file, digest
 
 
+@dataclass(frozen=True)
+class Camera:
+    """What the frames came from.
+
+    Attributes:
+        source: as text for people.
+        fps: nominal frames per second.
+        width, height: of its pictures before they are scaled, pixels: what `tracks.txt` is in.
+    """
+
+    source: str
+    fps: float
+    width: int
+    height: int
+
+
 @dataclass
 class RunSummary:
     """Counters of a run, filled while it lasts."""
@@ -88,6 +104,8 @@ class RunSummary:
     peak_rss_mb: dict[str, float] = field(default_factory=dict)
     ages_ms: dict[str, list[float]] = field(default_factory=dict)
     settings: dict[str, Any] = field(default_factory=dict)
+    camera: Camera | None = None
+    """What the frames came from; None as long as it is not known."""
     perception: Perception | None = None
     """What found and tracked people; None as long as it is not known."""
 
@@ -130,6 +148,7 @@ class RunSummary:
             "versions": {name: _version(name) for name in _LIBRARIES},
             "perception": None if self.perception is None else asdict(self.perception),
             "settings": self.settings,
+            "camera": None if self.camera is None else asdict(self.camera),
         }  # fmt: skip
 
     def as_text(self) -> str:

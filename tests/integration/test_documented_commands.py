@@ -38,6 +38,8 @@ HERE = {
     "heel why incident.jsonl --frame 412",
     "heel why incident.jsonl --frame 412 --frames incident.mp4 --tracks incident/tracks.txt "
     "--strip why.png",
+    "heel report incident --trace incident.jsonl",
+    "heel report recording.mcap",
     "heel calibrate person walk.mp4 --person-height 1.75 --fov-deg 90 --out camera.toml",
     "heel track-detections ../shared/data/PETS09-S2L1 --out tracks.txt",
     "heel track-detections det.txt --out tracks.txt --fps 25 --image-size 1920x1080",
@@ -355,6 +357,8 @@ def test_recordings_are_run_and_scored_as_the_pages_say(desk: Path) -> None:
     strip = "--frames incident.mp4 --tracks incident/tracks.txt --strip why.png"
     done = run(f"heel why incident.jsonl --frame 412 {strip}", desk)
     assert done.returncode == 0 or "incident/tracks.txt: " in done.stderr, done.stderr
+    done = run("heel report incident --trace incident.jsonl", desk)
+    assert done.returncode == 0, done.stderr
     page = "docs/guides/first-run.md"
     assert any("scene:crossing" in block.text for block in blocks("sh", page))
     told = (REPOSITORY / page).read_text(encoding="utf-8")
@@ -368,7 +372,7 @@ def test_a_recording_is_checked_run_and_replayed(desk: Path) -> None:
     with network.router() as endpoint, network.client(endpoint) as session:
         with network.collected(session, keys.image("front")) as heard:
             for line in ("heel record --check recording.mcap",
-                         "heel run recording.mcap --out again",
+                         "heel report recording.mcap", "heel run recording.mcap --out again",
                          "heel replay recording.mcap --topics image,info --rate 0.5"):  # fmt: skip
                 done = run(line, desk, HEEL_ZENOH__CONNECT=endpoint)
                 # There are no people in it.

@@ -70,7 +70,7 @@ def test_lossless_run_equals_the_in_process_pipeline_byte_for_byte(
     assert done.returncode == 0, done.stderr
     tracks = (lossless / "tracks.txt").read_bytes()
     assert tracks, "the scene has people in it"
-    for name in ("tracks.txt", "commands.csv", "trace.jsonl"):
+    for name in ("tracks.txt", "commands.csv", "states.csv", "trace.jsonl"):
         assert (out / name).read_bytes() == (lossless / name).read_bytes()
     assert (out / "trace.jsonl").read_text().count("\n") > 2
 

@@ -95,13 +95,14 @@ def test_the_first_frame_puts_everything_in_place_while_the_run_goes_on(used: Pa
         now = content(used)
         assert [line[:4] for line in now["tracks.txt"].splitlines()] == ["1,1,", "2,1,"]
         assert now["commands.csv"].count("following") == 2
-        assert set(now) == {"tracks.txt", "commands.csv"}, "older results are not beside newer ones"
+        kept = {"tracks.txt", "commands.csv", "states.csv"}
+        assert set(now) == kept, "older results are not beside newer ones"
         assert (outputs.log_folder / "tracker.log").read_text() == "new\n"
         assert outputs.log_folder == used / "logs"
         summary.tracked = 2
     assert json.loads((used / "summary.json").read_text())["frames"]["tracked"] == 2
     assert sorted(path.name for path in used.iterdir()) == [
-        "commands.csv", "logs", "summary.json", "tracks.txt"
+        "commands.csv", "logs", "states.csv", "summary.json", "tracks.txt"
     ]  # fmt: skip
 
 

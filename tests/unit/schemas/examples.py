@@ -144,7 +144,7 @@ EXAMPLES: tuple[Message, ...] = (
         tracks_age_s=0.0625, linear_mps=0.0, angular_radps=0.0, distance_m=2.5, bearing_rad=-0.125,
         identity_confidence=0.75, runner_up_confidence=0.125, speed_reason="obstacle ahead",
         pending_point_px=(320.5, 200.25), pending_for_s=4.5, obstacle_watch=True,
-        free_distance_m=1.25,
+        free_distance_m=1.25, nearest_person_m=1.75,
     ),
     Odometry(
         seq=5, x_m=1.5, y_m=-0.25, heading_rad=0.5, linear_mps=0.75, angular_radps=-0.125,

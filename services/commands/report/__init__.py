@@ -1,0 +1,1 @@
+"""`heel report`: a run or a recording as one page: read, told as facts, drawn."""
