@@ -13,6 +13,7 @@ from heel.schemas.errors import HeelError, KeyNameError, MessageError, SettingsE
 from heel.schemas.follow import EStop, FollowState, MotionCommand, Pointed, Target, TargetRequest
 from heel.schemas.frame import CameraInfo, EndOfStream, FrameId, Header, Progress, Stamp, Taken
 from heel.schemas.health import Health
+from heel.schemas.manual import Manual, ManualGrant, ManualRequest
 from heel.schemas.robot import DriveState, Odometry, Ranges, RangeSector
 from heel.schemas.simulation import Pose, SimObstacle, SimPerson, SimTruth, SimWorld
 from heel.schemas.succession import Handover, Snapshot
@@ -20,16 +21,17 @@ from heel.schemas.tracks import Track, TrackEvent, Tracks
 
 MESSAGES: tuple[type[Message], ...] = (
     Header, Stamp, Taken, CameraInfo, Blobs, Tracks, TrackEvent, MotionCommand, TargetRequest,
-    Target, Pointed, EStop, FollowState, Odometry, Ranges, DriveState, SimTruth, SimWorld, Health,
-    EndOfStream, Progress, Snapshot, Handover,
+    Target, Pointed, Manual, ManualRequest, ManualGrant, EStop, FollowState, Odometry, Ranges,
+    DriveState, SimTruth, SimWorld, Health, EndOfStream, Progress, Snapshot, Handover,
 )  # fmt: skip
 """Every message type, in the order of the documentation."""
 
 __all__ = [
-    "MESSAGES", "Blob", "Blobs", "CameraInfo", "CameraMotion", "DriveState", "EStop", "EndOfStream",
-    "Evidence", "FollowState", "FrameId", "Handover", "Header", "Health", "HeelError",
-    "KeyNameError", "Message", "MessageError", "MotionCommand", "Odometry", "Patch", "Pointed",
-    "Pose", "Progress", "RangeSector", "Ranges", "SettingsError", "SimObstacle", "SimPerson",
-    "SimTruth", "SimWorld", "Snapshot", "SourceError", "Stamp", "Taken", "Target", "TargetRequest",
-    "Track", "TrackEvent", "Tracks", "decode", "encode",
+    "MESSAGES", "Blob", "Blobs", "CameraInfo", "CameraMotion", "DriveState", "EStop",
+    "EndOfStream", "Evidence", "FollowState", "FrameId", "Handover", "Header", "Health",
+    "HeelError", "KeyNameError", "Manual", "ManualGrant", "ManualRequest", "Message",
+    "MessageError", "MotionCommand", "Odometry", "Patch", "Pointed", "Pose", "Progress",
+    "RangeSector", "Ranges", "SettingsError", "SimObstacle", "SimPerson", "SimTruth", "SimWorld",
+    "Snapshot", "SourceError", "Stamp", "Taken", "Target", "TargetRequest", "Track", "TrackEvent",
+    "Tracks", "decode", "encode",
 ]  # fmt: skip

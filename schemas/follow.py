@@ -47,6 +47,7 @@ class MotionCommand(Message):
     state: FollowStateName = Field(description="of the follower")
     reason: Annotated[str, Field(strict=True, max_length=96)] = Field(description="why, in words")
     frame: FrameId | None = Field(default=None, description="the newest tracks it rests on")
+    manual: Flag = Field(default=False, description="whether a hand drives, not the follower")
 
 
 class TargetRequest(Message):
@@ -158,4 +159,7 @@ class FollowState(Message):
     )
     nearest_person_m: NonNegative | None = Field(
         default=None, description="distance of the nearest person in sight, whoever it is"
+    )
+    driven_by: Annotated[str, Field(strict=True, max_length=96)] = Field(
+        default="", description="who drives by hand, in words; empty: the follower drives"
     )

@@ -16,6 +16,7 @@ FOLLOW_COMMAND = "follow/command"
 FOLLOW_STATE = "follow/state"
 FOLLOW_TARGET = "follow/target"
 FOLLOW_POINTED = "follow/pointed"
+FOLLOW_MANUAL = "follow/manual"
 FOLLOW_ESTOP = "follow/estop"
 ROBOT_ODOMETRY = "robot/odometry"
 ROBOT_RANGE = "robot/range"
@@ -43,6 +44,7 @@ TOPICS = {
     "state": FOLLOW_STATE,
     "target": FOLLOW_TARGET,
     "pointed": FOLLOW_POINTED,
+    "manual": FOLLOW_MANUAL,
     "estop": FOLLOW_ESTOP,
     "odometry": ROBOT_ODOMETRY,
     "range": ROBOT_RANGE,

@@ -21,6 +21,7 @@ from heel.schemas import (
     FollowState,
     Header,
     Health,
+    Manual,
     Message,
     MessageError,
     MotionCommand,
@@ -57,6 +58,7 @@ TOPICS: dict[str, type[Message] | None] = {
     keys.FOLLOW_STATE: FollowState,
     keys.FOLLOW_TARGET: Target,
     keys.FOLLOW_POINTED: Pointed,
+    keys.FOLLOW_MANUAL: Manual,
     keys.ROBOT_ODOMETRY: Odometry,
     keys.ROBOT_RANGE: Ranges,
     keys.ROBOT_DRIVE: DriveState,
@@ -67,8 +69,8 @@ TOPICS: dict[str, type[Message] | None] = {
 }
 QUERYABLES = (
     keys.info(CAMERA), keys.FOLLOW_STATE, keys.FOLLOW_TARGET, keys.FOLLOW_ESTOP, keys.SIM_WORLD,
-    keys.ROUTER_VERSION, *(keys.config(service, "main") for service in SERVICES),
-    keys.ALL_CONFIG, "**",
+    keys.FOLLOW_MANUAL, keys.ROUTER_VERSION, keys.ALL_CONFIG, "**",
+    *(keys.config(service, "main") for service in SERVICES),
 )  # fmt: skip
 """What is asked, with what nobody asks."""
 STAMPED = {keys.blobs(CAMERA), keys.tracks(CAMERA), keys.FOLLOW_COMMAND}

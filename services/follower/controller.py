@@ -112,6 +112,22 @@ class VelocityController:
         self._swing.told(self._time_s, angular)
         return linear, angular
 
+    def by_hand(
+        self, linear_mps: float, angular_radps: float, room: Room, dt_s: float
+    ) -> tuple[float, float]:
+        """As a hand wishes, within the same limits and the same room as following.
+
+        Args:
+            linear_mps: wished, forward is positive.
+            angular_radps: wished, left is positive.
+            room: how far the robot may go ahead and back.
+            dt_s: since the last command.
+        """
+        linear = self._forward(linear_mps, "driven by hand", room, dt_s)
+        if linear_mps < 0.0 and self._settings.max_reverse_mps == 0.0:
+            self.speed_reason = "backward is forbidden: max_reverse_mps is 0"
+        return linear, self._turn(angular_radps, dt_s)
+
     def brake_and_turn(self, angular_radps: float, dt_s: float) -> tuple[float, float]:
         """Come to a stop as fast as the limits allow, and turn as told."""
         self.speed_reason = "out of sight: braking"

@@ -9,6 +9,7 @@ from heel.schemas import (
     CameraInfo,
     FollowState,
     FrameId,
+    Manual,
     MotionCommand,
     Odometry,
     Pointed,
@@ -24,6 +25,7 @@ from heel.services.follower.clearance import BODY_M, Sectors
 from heel.services.follower.controller import Goal, VelocityController
 from heel.services.follower.freshness import Freshness
 from heel.services.follower.kept import KeptTarget
+from heel.services.follower.manual import ManualDrive, ManualError
 from heel.services.follower.moving_picture import PictureWatch
 from heel.services.follower.own_motion import OwnMotion, Pose
 from heel.services.follower.people import People
@@ -37,9 +39,9 @@ from heel.services.follower.sensors import (
 )
 from heel.services.follower.settings import FollowerSettings
 from heel.services.follower.sight import judge_sight
-from heel.services.follower.states import Situation, next_state
+from heel.services.follower.states import Situation, by_hand, next_state
 from heel.services.follower.surroundings import Surroundings
-from heel.services.follower.target import TargetChoice
+from heel.services.follower.target import TargetChoice, TargetError
 
 _MAX_STEP_S = 0.2
 """Seconds that one step of the controller spans at most, however late it comes; chosen by hand."""
@@ -82,6 +84,7 @@ class Follower:
         self._tracks_are_new = False
         self._heading_rad = 0.0
         self._estop = False
+        self._manual = ManualDrive()
         self._forget_sight()
         self._name: FollowStateName = "idle"
         self._since_s = 0.0
@@ -132,6 +135,45 @@ class Follower:
     def set_estop(self, engaged: bool) -> None:
         """Engage or release the emergency stop; it holds whatever else happens."""
         self._estop = engaged
+        if engaged:
+            self._manual.stopped()
+
+    def take_by_hand(self, grant: str, source: str, now_s: float) -> None:
+        """From now on the robot goes where wishes with this grant tell it, and else stands.
+
+        Args:
+            grant: a new one.
+            source: who drives, in words.
+            now_s: monotonic time.
+
+        Raises:
+            ManualError: somebody else drives at this moment, or the settings forbid it.
+        """
+        if not self.settings.manual_linear_mps and not self.settings.manual_angular_radps:
+            raise ManualError(
+                "driving by hand is forbidden: manual_linear_mps and manual_angular_radps are 0"
+            )
+        self._manual.take(grant, source, now_s)
+
+    def hand_back(self, now_s: float) -> None:
+        """Follow again, after making sure of the person.
+
+        Raises:
+            ManualError: somebody drives at this moment.
+        """
+        if self._manual.taken:
+            self._manual.hand_back(now_s)
+            self._begin()
+
+    def observe_wish(self, wish: Manual, measured_s: float, now_s: float) -> str:
+        """Take what a hand wishes; returns why it does not count, "" if it does.
+
+        Args:
+            wish: as decoded.
+            measured_s: when the hand was there at the earliest, monotonic.
+            now_s: monotonic time of its arrival.
+        """
+        return self._manual.wish(wish, measured_s, now_s)
 
     def pose_at(self, t_s: float) -> Pose:
         """Where the robot was at a time, on the clock of `step`."""
@@ -208,11 +250,18 @@ class Follower:
         A point without a track stays pending: a person that comes to be tracked there within
         some seconds is chosen, and until then the target has no id.
 
+        To choose somebody while the robot is driven by hand hands it back, too.
+
         Raises:
-            TargetError: the id is unknown or another tracker's, or what is seen is too old to
-                choose from.
+            TargetError: the id is unknown or another tracker's, what is seen is too old to choose
+                from, or a hand drives at this moment.
         """
         now_s = self._now_s or 0.0
+        if self._manual.taken and request.mode != "none":
+            try:
+                self.hand_back(now_s)
+            except ManualError as error:
+                raise TargetError(str(error)) from None
         age_s = 0.0 if self._tracks_are_new else now_s - self._tracks_s
         if self._choice.request(request, self._tracks, age_s, now_s):
             self._begin()
@@ -220,8 +269,11 @@ class Follower:
 
     @property
     def kept(self) -> KeptTarget | None:
-        """What the next follower has to know to follow the same person."""
-        return self._choice.kept
+        """What the next follower has to know to follow the same person; none by hand.
+
+        A follower that starts again knows of no hand: it must not set off by itself.
+        """
+        return None if self._manual.taken else self._choice.kept
 
     def restore(self, kept: KeptTarget) -> None:
         """Before the first tracks: go on with the person that the follower before followed.
@@ -272,15 +324,23 @@ class Follower:
         self._take_tracks(now_s, tracks_age_s)
         self._choice.give_up(now_s)
         situation = self._situation(now_s, tracks_age_s)
-        name, reason = next_state(self._name, situation, self.settings)
+        if self._manual.taken:
+            words = f"driven by hand: {self._manual.source}"
+            name, reason = by_hand(situation, self.settings, words)
+        else:
+            name, reason = next_state(self._name, situation, self.settings)
         self._enter(name, now_s)
-        linear_mps, angular_radps = self._drive(now_s, dt_s)
+        if self._manual.taken:
+            linear_mps, angular_radps = self._drive_by_hand(now_s, dt_s)
+        else:
+            linear_mps, angular_radps = self._drive(now_s, dt_s)
         self._motion.told(now_s, linear_mps, angular_radps)
         self._remember(reason, tracks_age_s, linear_mps, angular_radps)
         self._seq += 1
         return MotionCommand(
             seq=self._seq - 1, linear_mps=linear_mps, angular_radps=angular_radps,
             ttl_s=self.settings.ttl_s, state=name, reason=reason, frame=self._frame(),
+            manual=self._manual.taken,
         )  # fmt: skip
 
     def halt(self, reason: str) -> MotionCommand:
@@ -439,6 +499,22 @@ class Follower:
         sidestep_rad = min(max(sidestep_rad, -most_rad), most_rad)
         return self._controller.follow(goal, room, sidestep_rad, dt_s, seen)
 
+    def _drive_by_hand(self, now_s: float, dt_s: float) -> tuple[float, float]:
+        """Velocity that the hand wishes, slower than following, with the same braking."""
+        if self._estop:
+            self._manual.stopped()
+        wished = self._manual.wished(now_s)
+        if wished is None or self._name != "idle":
+            return self._controller.stop()
+        room = self._surroundings.room(
+            self._people, None, self._motion.pose, now_s, self.state.linear_mps,
+            self.state.angular_radps, True,
+        )  # fmt: skip
+        s = self.settings
+        forward_mps = wished[0] * min(s.manual_linear_mps, s.max_linear_mps)
+        left_radps = wished[1] * min(s.manual_angular_radps, s.max_angular_radps)
+        return self._controller.by_hand(forward_mps, left_radps, room, dt_s)
+
     def _may_be_a_thing(self) -> bool:
         """Whether the target is in sight, but not proven to be a person."""
         track = self._track()
@@ -486,4 +562,5 @@ class Follower:
             pending_point_px=None if pending is None else pending.place_px,
             pending_for_s=None if pending is None else pending.for_s(now_s),
             obstacle_watch=free_m is not None, free_distance_m=free_m, nearest_person_m=nearest_m,
+            driven_by=self._manual.source,
         )  # fmt: skip

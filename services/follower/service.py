@@ -7,6 +7,7 @@ of a recording are the same every time.
 from __future__ import annotations
 
 import math
+import secrets
 import threading
 import time
 from contextlib import ExitStack
@@ -20,6 +21,9 @@ from heel.schemas import (
     EndOfStream,
     FollowState,
     HeelError,
+    Manual,
+    ManualGrant,
+    ManualRequest,
     Message,
     MessageError,
     MotionCommand,
@@ -99,6 +103,9 @@ class FollowerService:
             self._odometry = context.subscribe(
                 "odometry", keys.ROBOT_ODOMETRY, qos.ODOMETRY, primary=False
             )
+            self._wishes = context.subscribe(
+                "manual", keys.FOLLOW_MANUAL, qos.MANUAL, primary=False
+            )
         self._note = self._target_file()
         self._out = context.publisher(keys.FOLLOW_COMMAND, qos.COMMAND)
         context.watch_for_twin(keys.FOLLOW_COMMAND, resources)
@@ -123,6 +130,9 @@ class FollowerService:
         )  # fmt: skip
         queryable = session.declare_queryable(keys.FOLLOW_TARGET, self._answer)
         resources.callback(queryable.undeclare)
+        if self._live:
+            by_hand = session.declare_queryable(keys.FOLLOW_MANUAL, self._answer_hand)
+            resources.callback(by_hand.undeclare)
 
     @property
     def next_seq(self) -> int:
@@ -347,7 +357,7 @@ class FollowerService:
         """
         target = state.target.track_id or state.target.mode
         self._state_log.tell(f"{state.state}: {state.reason} (target {target})", now_s)
-        news = (state.state, state.reason, state.target, state.estop)
+        news = (state.state, state.reason, state.target, state.estop, state.driven_by)
         if news == self._told:
             if not self._live or now_s - self._told_s >= _STATE_PERIOD_S:
                 self._told_s = now_s
@@ -355,6 +365,7 @@ class FollowerService:
             return
         if not self._told or self._told[2] != state.target:
             self._target_out.put(encode(state.target), encoding=state.target.encoding())
+        if not self._told or (self._told[2], self._told[4]) != (state.target, state.driven_by):
             self._keep_target()
         self._told, self._told_s = news, now_s
         self._state.set(state)
@@ -374,6 +385,8 @@ class FollowerService:
                 self._take_taken(arrival)
             elif arrival.topic == "ranges":
                 self._take_ranges(arrival)
+            elif arrival.topic == "manual":
+                self._take_wish(arrival)
             else:
                 self._take_odometry(arrival)
         except MessageError as error:
@@ -408,6 +421,18 @@ class FollowerService:
                     arrival.arrived_s,
                     self._odometry.unreadable_known,
                 )
+
+    def _take_wish(self, arrival: Arrival) -> None:
+        received = self._wishes.message(arrival, Manual)
+        if received is None:
+            return
+        with self._lock:
+            refusal = self._follower.observe_wish(
+                received.message, _measured_s(received), arrival.arrived_s
+            )
+        if refusal:
+            words = f"{arrival.key}: {received.stamp.producer}: {refusal}"
+            self._context.warn.warning("manual", words, arrival.arrived_s)
 
     def _refuse(self, sensor: Sensor, judge: StreamJudge, now_s: float) -> None:
         if judge.unreadable:
@@ -479,6 +504,24 @@ class FollowerService:
                 query.reply_err(str(error), encoding=zenoh.Encoding.TEXT_PLAIN)
                 return
             query.reply(keys.FOLLOW_TARGET, encode(target), encoding=target.encoding())
+
+    def _answer_hand(self, query: zenoh.Query) -> None:
+        """Serve `follow/manual`: take the robot, or hand it back."""
+        with query:
+            try:
+                payload = b"" if query.payload is None else query.payload.to_bytes()
+                request = decode(ManualRequest, payload)
+                grant = secrets.token_hex(8) if request.take else None
+                with self._lock:
+                    if grant is None:
+                        self._follower.hand_back(time.monotonic())
+                    else:
+                        self._follower.take_by_hand(grant, request.source, time.monotonic())
+            except HeelError as error:
+                query.reply_err(str(error), encoding=zenoh.Encoding.TEXT_PLAIN)
+                return
+            told = ManualGrant(grant=grant, source="" if grant is None else request.source)
+            query.reply(keys.FOLLOW_MANUAL, encode(told), encoding=told.encoding())
 
     def _choose(self, request: TargetRequest) -> Target:
         """Choose; a point without a track is told to the detector besides."""

@@ -179,6 +179,19 @@ class FollowerSettings(StrictSettings):
         le=10,
         description="turn rate limit, rad/s",
     )
+    manual_linear_mps: float = Field(
+        0.5,
+        ge=0,
+        le=5,
+        description="greatest speed of driving by hand, m/s; 0 forbids it. Never above the limits "
+        "of following",
+    )
+    manual_angular_radps: float = Field(
+        0.8,
+        ge=0,
+        le=10,
+        description="greatest turn rate of driving by hand, rad/s: more turns less gently",
+    )
     max_linear_mps2: float = Field(
         1.5,
         gt=0,

@@ -99,6 +99,9 @@ class StandbyFollower:
         state = self._state
         if state is None or self._scene is None or state.target.track_id is None:
             return None
+        if state.driven_by:
+            # By hand: it was not following, and following is for somebody to choose.
+            return None
         if state.target.tracker != self._tracker:
             return None
         return KeptTarget(target=state.target, scene=self._scene)

@@ -65,14 +65,26 @@ def next_state(present: FollowStateName, now: Situation, settings: FollowerSetti
     return overruled(now, settings) or _STATES[present](now, settings)
 
 
-def overruled(now: Situation, settings: FollowerSettings) -> Step | None:
-    """What holds whatever the state was; None if nothing does."""
+def by_hand(now: Situation, settings: FollowerSettings, words: str) -> Step:
+    """The state while somebody drives by hand: only what stops everybody stops them."""
+    return _stopped(now, settings) or ("idle", words[:96])
+
+
+def _stopped(now: Situation, settings: FollowerSettings) -> Step | None:
+    """What stops the robot whoever drives it."""
     if now.estop:
         return "stopped", "emergency stop"
     if now.unreadable:
         return "stopped", now.unreadable[:96]
     if now.ranges_stale:
         return "stopped", f"ranges are older than {settings.max_ranges_age_s:g} s"
+    return None
+
+
+def overruled(now: Situation, settings: FollowerSettings) -> Step | None:
+    """What holds whatever the state was; None if nothing does."""
+    if (stopped := _stopped(now, settings)) is not None:
+        return stopped
     if not now.chosen:
         return "idle", now.chosen_reason[:96] or "no target"
     if now.tracks_age_s is None:

@@ -28,6 +28,7 @@ from heel.schemas import (
     EStop,
     FollowState,
     Health,
+    Manual,
     MotionCommand,
     Odometry,
     Pointed,
@@ -91,6 +92,7 @@ INFO = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, CameraInfo.max_bytes)
 STATE = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, FollowState.max_bytes)
 TARGET = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, Target.max_bytes)
 POINTED = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 1, Pointed.max_bytes)
+MANUAL = TopicQos(_P.REAL_TIME, _DROP, True, 1, Manual.max_bytes)
 PROGRESS = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, True, LOSSLESS_CAPACITY, Progress.max_bytes)
 # Of the robot and of a simulated world; the columns are those above.
 ODOMETRY = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Odometry.max_bytes)
@@ -105,12 +107,13 @@ BY_TOPIC = {
     "image": IMAGE, "jpeg": JPEG, "depth": DEPTH, "taken": TAKEN, "info": INFO, "blobs": BLOBS,
     "tracks": TRACKS,
     "events": EVENTS, "progress": PROGRESS, "command": COMMAND, "state": STATE, "target": TARGET,
-    "pointed": POINTED, "estop": ESTOP, "odometry": ODOMETRY, "range": RANGES, "drive": DRIVE,
-    "truth": SIM_TRUTH, "world": SIM_WORLD, "health": HEALTH,
+    "pointed": POINTED, "manual": MANUAL, "estop": ESTOP, "odometry": ODOMETRY, "range": RANGES,
+    "drive": DRIVE, "truth": SIM_TRUTH, "world": SIM_WORLD, "health": HEALTH,
 }  # fmt: skip
 """The same by the names of `keys.TOPICS`."""
 
 _CONTROL_KEYS = ("**/follow/estop", "**/follow/state", "**/follow/target", "**/follow/pointed",
+                 "**/follow/manual",
                  "**/cam/*/info", "**/cam/*/taken", "**/cam/*/events", "**/robot/*",
                  "**/sim/*", "**/svc/**")  # fmt: skip
 ROUTER_RULES: list[dict[str, object]] = [

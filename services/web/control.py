@@ -10,11 +10,23 @@ import secrets
 import threading
 import time
 from contextlib import ExitStack, suppress
-from typing import Any
+from typing import Any, TypeVar
 
 from zenoh.handlers import FifoChannel
 
-from heel.schemas import EStop, HeelError, Target, TargetRequest, decode, encode, keys
+from heel.schemas import (
+    EStop,
+    HeelError,
+    Manual,
+    ManualGrant,
+    ManualRequest,
+    Message,
+    Target,
+    TargetRequest,
+    decode,
+    encode,
+    keys,
+)
 from heel.services.runtime import qos
 from heel.services.runtime.latched import LatchedAnswers
 from heel.services.runtime.publishing import Latched
@@ -34,6 +46,9 @@ _HERE_S = 0.5
 _ZENOH_TIMEOUT = "Timeout"
 
 
+M = TypeVar("M", bound=Message)
+
+
 class TargetRefusedError(HeelError):
     """The follower said no, and why."""
 
@@ -46,6 +61,8 @@ class RouterAwayError(HeelError):
     """What was asked for cannot be sent now, and must not be sent later."""
 
 
+_OLDEST_S = 60.0
+"""Age that is told of a wish at most, which may be infinite; any wish is void long before."""
 _TARGET_TIMEOUT_S = 1.0
 """Longest wait for the follower's answer to a choice: people click again after more."""
 
@@ -77,6 +94,9 @@ class Control:
         """How often; a resume that was asked for before the last one does nothing."""
         self.choices = Worker("target", _MAX_WAITING, resources)
         """Does `choose`."""
+        self.hands = Worker("manual", _MAX_WAITING, resources)
+        """Does `take_by_hand` and `hand_back`."""
+        self._wishes = context.publisher(keys.FOLLOW_MANUAL, qos.MANUAL)
 
     @property
     def connected(self) -> bool:
@@ -92,8 +112,30 @@ class Control:
             NoFollowerError: no answer in time.
             MessageError: the answer is not a target.
         """
+        return self._ask(keys.FOLLOW_TARGET, request, Target)
+
+    def take_by_hand(self, who: str) -> ManualGrant:
+        """Ask the follower for the robot; raises as `choose`."""
+        request = ManualRequest(take=True, source=self._source(who))
+        return self._ask(keys.FOLLOW_MANUAL, request, ManualGrant)
+
+    def hand_back(self, who: str) -> ManualGrant:
+        """Have the follower follow again; raises as `choose`."""
+        request = ManualRequest(take=False, source=self._source(who))
+        return self._ask(keys.FOLLOW_MANUAL, request, ManualGrant)
+
+    def wish(self, wish: Manual, age_s: float) -> None:
+        """Send what a hand wishes; never waits, and what cannot be sent now is never sent.
+
+        Args:
+            wish: of this moment.
+            age_s: how old it may be.
+        """
+        self._wishes.send(wish, min(age_s, _OLDEST_S))
+
+    def _ask(self, key: str, request: Message, kind: type[M]) -> M:
         replies = self._session.get(
-            keys.FOLLOW_TARGET,
+            key,
             FifoChannel(8),
             payload=encode(request),
             encoding=request.encoding(),
@@ -102,7 +144,7 @@ class Control:
         refusal: str | None = None
         for reply in replies:
             if reply.ok is not None:
-                return decode(Target, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
+                return decode(kind, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
             if reply.err is not None:
                 refusal = _text(reply.err.payload.to_bytes())
         if refusal is None or refusal == _ZENOH_TIMEOUT:

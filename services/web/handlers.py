@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from heel.schemas import MessageError
+from heel.schemas import Manual, ManualGrant, MessageError
 from heel.services.web.control import (
     Control,
     NoFollowerError,
@@ -17,6 +18,7 @@ from heel.services.web.control import (
     TargetRefusedError,
 )
 from heel.services.web.door import SOCKETS, Door, body_of, refused
+from heel.services.web.hand import WISH_TTL_S, Beats, read_wish
 from heel.services.web.hub import Viewer
 from heel.services.web.requests import BadRequestError, acknowledged_number, target_request
 from heel.services.web.worker import BusyError
@@ -36,12 +38,14 @@ class Site(Door):
     control: Control
 
     FILES: ClassVar[tuple[str, ...]] = (
-        "app.js", "picture.js", "panel.js", "people.js", "above.js", "link.js",
+        "app.js", "picture.js", "panel.js", "people.js", "above.js", "hand.js", "link.js",
     )  # fmt: skip
-    TO_OPERATE: ClassVar[frozenset[str]] = frozenset(("/api/target", "/api/stop", "/api/resume"))
+    TO_OPERATE: ClassVar[frozenset[str]] = frozenset(
+        ("/api/target", "/api/stop", "/api/resume", "/api/hand-back", "/hand")
+    )
 
     def routes(self) -> list[web.RouteDef]:
-        """Pictures, state, choice, stop and release."""
+        """Pictures, state, choice, stop, release and driving by hand."""
         return [
             web.get("/ws", self._viewer),
             web.get("/snapshot.jpg", self._snapshot),
@@ -49,6 +53,8 @@ class Site(Door):
             web.post("/api/target", self._target),
             web.post("/api/stop", self._stop),
             web.post("/api/resume", self._resume),
+            web.post("/api/hand-back", self._hand_back),
+            web.get("/hand", self._hand),
         ]
 
     async def _state(self, _request: web.Request) -> web.Response:
@@ -107,6 +113,39 @@ class Site(Door):
             return refused(503, str(error))
         return web.json_response({"connected": True})
 
+    async def _hand_back(self, request: web.Request) -> web.Response:
+        await body_of(request)
+        control, who = self.control, request.remote or "unknown"
+        try:
+            await asyncio.wrap_future(control.hands.submit(lambda: control.hand_back(who)))
+        except TargetRefusedError as error:
+            return refused(409, str(error))
+        except NoFollowerError as error:
+            return refused(504, str(error))
+        return web.json_response({})
+
+    async def _hand(self, request: web.Request) -> web.StreamResponse:
+        """Somebody drives by hand as long as this socket is open."""
+        socket = web.WebSocketResponse(
+            heartbeat=_HEARTBEAT_S, timeout=0.5, max_msg_size=256, compress=False
+        )
+        if not socket.can_prepare(request):
+            return refused(426, "this address speaks WebSocket only")
+        control, who = self.control, request.remote or "unknown"
+        with self.connections.kept(request.protocol):
+            await socket.prepare(request)
+            request.app[SOCKETS].add(socket)
+            try:
+                grant = await asyncio.wrap_future(
+                    control.hands.submit(lambda: control.take_by_hand(who))
+                )
+                await _drive(socket, control, grant, self._may_go_on(request))
+            except (TargetRefusedError, NoFollowerError, MessageError, BusyError) as error:
+                await _close(socket, str(error))
+            finally:
+                request.app[SOCKETS].discard(socket)
+        return socket
+
     async def _viewer(self, request: web.Request) -> web.StreamResponse:
         socket = web.WebSocketResponse(
             heartbeat=_HEARTBEAT_S, timeout=0.5, max_msg_size=1024, compress=False
@@ -153,6 +192,46 @@ async def _send(
     except ConnectionError:
         # The viewer left while something was on its way to it.
         return
+
+
+async def _drive(
+    socket: web.WebSocketResponse, control: Control, grant: ManualGrant,
+    may_go_on: Callable[[], bool],
+) -> None:  # fmt: skip
+    """Pass on what the hand wishes; its end, whatever it is, is to let go."""
+    beats, seq = Beats(), 0
+
+    def wish(held: bool, forward: float, left: float, age_s: float) -> None:
+        nonlocal seq
+        said = Manual(grant=grant.grant or "", seq=seq, held=held, forward=forward, left=left,
+                      ttl_s=WISH_TTL_S)  # fmt: skip
+        control.wish(said, age_s)
+        seq += 1
+
+    try:
+        await socket.send_json({"source": grant.source, "beat": beats.next(time.monotonic())})
+        async for message in socket:
+            try:
+                if message.type is not WSMsgType.TEXT:
+                    raise BadRequestError("wishes are text")
+                said = read_wish(message.data)
+            except BadRequestError as error:
+                await _close(socket, str(error))
+                return
+            if not may_go_on():
+                await _close(socket, "logged out")
+                return
+            now_s = time.monotonic()
+            wish(said.held, said.forward, said.left, beats.age_s(said.beat, now_s))
+            await socket.send_json({"beat": beats.next(now_s)})
+    except ConnectionError:
+        return
+    finally:
+        wish(False, 0.0, 0.0, 0.0)
+
+
+async def _close(socket: web.WebSocketResponse, words: str) -> None:
+    await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=words.encode()[:120])
 
 
 async def _receive(socket: web.WebSocketResponse, viewer: Viewer) -> None:

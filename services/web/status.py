@@ -167,7 +167,7 @@ class StatusBoard:
         passed_on = {
             "state", "reason", "estop", "distance_m", "bearing_rad", "identity_confidence",
             "runner_up_confidence", "speed_reason", "obstacle_watch", "free_distance_m",
-            "pending_point_px", "pending_for_s", "tracks_age_s",
+            "pending_point_px", "pending_for_s", "tracks_age_s", "driven_by",
         }  # fmt: skip
         target = state.target.model_dump(include={"seq", "mode", "track_id", "tracker", "reason"})
         return state.model_dump(mode="json", include=passed_on) | {"target": target}

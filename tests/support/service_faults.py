@@ -18,6 +18,7 @@ from heel.schemas import (
     FrameId,
     Header,
     Health,
+    Manual,
     Message,
     MotionCommand,
     Odometry,
@@ -81,6 +82,7 @@ def good_messages(seq: int) -> dict[str, Put]:
     standing = Odometry(
         seq=seq, x_m=0.0, y_m=0.0, heading_rad=0.0, linear_mps=0.0, angular_radps=0.0
     )
+    wish = Manual(grant="0" * 16, seq=seq, held=True, forward=1.0, left=0.0, ttl_s=0.3)
     ahead = RangeSector(bearing_rad=0.0, width_rad=0.2, distance_m=5.0)
     return {
         "detector tracks": good_message(seen["detector"], keys.tracks("detector")),
@@ -91,6 +93,7 @@ def good_messages(seq: int) -> dict[str, Put]:
         "follower estop": good_message(released, keys.FOLLOW_ESTOP, stamped=False),
         "follower info": good_message(info, keys.info("follower"), stamped=False),
         "follower odometry": good_message(standing, keys.ROBOT_ODOMETRY),
+        "follower manual": good_message(wish, keys.FOLLOW_MANUAL),
         "follower ranges": good_message(Ranges(seq=seq, sectors=(ahead,)), keys.ROBOT_RANGE),
     }
 
@@ -99,7 +102,7 @@ _CAPS = {
     "image": MAX_IMAGE_BYTES, "tracks": Tracks.max_bytes, "blobs": Blobs.max_bytes,
     "estop": EStop.max_bytes, "info": CameraInfo.max_bytes, "command": MotionCommand.max_bytes,
     "odometry": Odometry.max_bytes, "ranges": Ranges.max_bytes,
-    "pointed": Pointed.max_bytes,
+    "pointed": Pointed.max_bytes, "manual": Manual.max_bytes,
 }  # fmt: skip
 
 

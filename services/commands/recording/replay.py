@@ -29,7 +29,7 @@ _NEVER = {
     "taken": "it says when a frame was taken, by the clock of then: every frame would be too old",
     "progress": "it is credit for frames of then",
 }
-_MOVING = frozenset({"command", "estop"})
+_MOVING = frozenset({"command", "estop", "manual"})
 _ELSEWHERE = "0"
 """Host that a replayed camera names where it has JPEGs only: receivers take those of a camera on
 another host."""

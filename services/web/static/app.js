@@ -1,6 +1,7 @@
 // Puts the parts together: frames to the picture, status to the panel, people's wishes to the service.
 
 import { Above } from "./above.js";
+import { Hand } from "./hand.js";
 import { Link } from "./link.js";
 import { Panel } from "./panel.js";
 import { People } from "./people.js";
@@ -16,6 +17,7 @@ const picture = new Picture(element("picture"));
 const panel = new Panel();
 const people = new People(element("people"), (person) => followPerson(person));
 const above = new Above(element("above"));
+const hand = new Hand((words, tone) => panel.toast(words, tone), handBack);
 const screenLock = new ScreenLock();
 // In these the robot moves by itself, or may at any moment.
 const ON_ITS_WAY = new Set(["acquiring", "following", "occluded", "unsure", "searching"]);
@@ -35,7 +37,8 @@ const link = new Link(
       panel.update(status);
       panel.tick(link);
       above.showState(status.follower?.state);
-      screenLock.keep(ON_ITS_WAY.has(status.follower?.state));
+      hand.show(status.follower, panel.lost);
+      screenLock.keep(hand.drives || ON_ITS_WAY.has(status.follower?.state));
     },
     "sim-world": (world) => above.showWorld(world),
     "sim-truth": (truth) => above.showTruth(truth),
@@ -106,6 +109,14 @@ async function resume() {
   panel.release();
   try {
     await post("/api/resume");
+  } catch (error) {
+    panel.toast(error.message, "bad");
+  }
+}
+
+async function handBack() {
+  try {
+    await post("/api/hand-back");
   } catch (error) {
     panel.toast(error.message, "bad");
   }

@@ -24,7 +24,7 @@ export async function showLogin(link) {
     location.replace("/login.html");
   };
   if (role !== "watch") return;
-  for (const id of ["stop", "resume", "nearest", "none"]) {
+  for (const id of ["stop", "resume", "nearest", "none", "take", "hand-back"]) {
     const refused = document.getElementById(id);
     if (refused) refused.disabled = true;
   }

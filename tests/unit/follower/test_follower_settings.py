@@ -8,7 +8,15 @@ from typing import Any
 
 import pytest
 
-from heel.schemas import MotionCommand, Odometry, Ranges, RangeSector, TargetRequest, Track
+from heel.schemas import (
+    Manual,
+    MotionCommand,
+    Odometry,
+    Ranges,
+    RangeSector,
+    TargetRequest,
+    Track,
+)
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
 from tests.unit.follower.people import TRACKER, person, tracks
@@ -40,6 +48,8 @@ VALUES: dict[str, dict[str, Any]] = {
     "max_linear_mps": {"max_linear_mps": 0.3},
     "max_reverse_mps": {"distance_m": 5.0, "max_reverse_mps": 0.5},
     "max_angular_radps": {"max_angular_radps": 0.1},
+    "manual_linear_mps": {"manual_linear_mps": 0.2},
+    "manual_angular_radps": {"manual_angular_radps": 0.2},
     "max_linear_mps2": {"max_linear_mps2": 0.2},
     "max_braking_mps2": {"max_braking_mps2": 0.5},
     "max_linear_mps3": {"max_linear_mps3": 0.5},
@@ -109,7 +119,20 @@ def told(**settings: Any) -> tuple[MotionCommand, ...]:
                      angular_radps=0.0), t_s,
         )  # fmt: skip
         commands.append(follower.step(t_s, 0.3 if 2.0 < t_s < 2.4 else 0.05))
-    return tuple(commands)
+    return (*commands, *_by_hand(follower))
+
+
+def _by_hand(follower: Follower) -> list[MotionCommand]:
+    """In the end somebody takes the robot."""
+    grant, commands = "0" * 16, []
+    follower.take_by_hand(grant, "hand", _SECONDS)
+    for step in range(20):
+        t_s = _SECONDS + step * STEP_S
+        wish = Manual(grant=grant, seq=step, held=True, forward=1.0, left=1.0, ttl_s=0.3)
+        follower.observe_wish(wish, t_s, t_s)
+        follower.observe_ranges(Ranges(seq=0, sectors=()), t_s)
+        commands.append(follower.step(t_s, 0.05))
+    return commands
 
 
 def test_every_setting_is_looked_at() -> None:

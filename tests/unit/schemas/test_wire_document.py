@@ -32,6 +32,7 @@ _TOPICS: dict[str, TopicQos] = {
     keys.FOLLOW_STATE: qos.STATE,
     keys.FOLLOW_TARGET: qos.TARGET,
     keys.FOLLOW_POINTED: qos.POINTED,
+    keys.FOLLOW_MANUAL: qos.MANUAL,
     keys.FOLLOW_ESTOP: qos.ESTOP,
     keys.ROBOT_ODOMETRY: qos.ODOMETRY,
     keys.ROBOT_RANGE: qos.RANGES,

@@ -25,6 +25,7 @@ SENDERS = {
     "state": {"follower"},
     "target": {"follower"},
     "pointed": {"follower"},
+    "manual": {"web", "operate"},
     "estop": {"follower", "drive", "ros2", "web", "operate"},
     "odometry": {"drive", "ros2", "simulator"},
     "range": {"ros2", "sensor", "simulator"},
