@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict, deque
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas import HeelError, Track, Tracks
-from heel.services.colours import UNSURE_BELOW, colour_of
+from heel.services.colours import UNSURE_BELOW, Rgb, colour_of
 from heel.services.runtime.quiet import silence_decoders
 
 _TRAIL_FRAMES = 40
@@ -19,46 +20,39 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _WHITE = (255, 255, 255)
 
 
-class Annotator:
-    """Draws boxes, ids, trails, occlusion marks and the target; remembers trails."""
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """What is drawn of one person, whoever draws it.
 
-    def __init__(self) -> None:
-        self._trails: OrderedDict[int, deque[tuple[int, int]]] = OrderedDict()
+    Attributes:
+        id: of the track.
+        box: xyxy pixels of the frame.
+        rgb: colour of the id, 0 to 1 each.
+        measured: whether the person was measured on their own; else the box is an estimate.
+        is_target: whether the robot follows them.
+        label: id, and what there is to say.
+    """
 
-    def draw(
-        self, image: NDArray[np.uint8], tracks: Tracks, target_id: int | None, caption: str
-    ) -> NDArray[np.uint8]:
-        """A copy of `image`, (H, W, 3) uint8 BGR, with the marks of its frame."""
-        canvas = image.copy()
-        for track in tracks.tracks:
-            if track.shown:
-                self._trail(canvas, track)
-                _mark(canvas, track, track.id == target_id)
-        if tracks.occlusion:
-            _text(canvas, "occlusion", (8, canvas.shape[0] - 10), (0, 200, 255))
-        _text(canvas, caption, (8, 20), _WHITE)
-        return canvas
+    id: int
+    box: tuple[float, float, float, float]
+    rgb: Rgb
+    measured: bool
+    is_target: bool
+    label: str
 
-    def _trail(self, canvas: NDArray[np.uint8], track: Track) -> None:
-        left, _, right, bottom = track.box_xyxy
-        trail = self._trails.setdefault(track.id, deque(maxlen=_TRAIL_FRAMES))
-        self._trails.move_to_end(track.id)
-        while len(self._trails) > _MAX_TRAILS:
-            self._trails.popitem(last=False)
-        trail.append((round((left + right) / 2), round(bottom)))
-        points = np.array(trail, np.int32).reshape(-1, 1, 2)
-        cv2.polylines(canvas, [points], False, _bgr(track.id), 1, cv2.LINE_AA)
+    @property
+    def foot(self) -> tuple[float, float]:
+        """Where the person stands: the middle of the lower edge."""
+        left, _, right, bottom = self.box
+        return (left + right) / 2, bottom
 
 
-def _mark(canvas: NDArray[np.uint8], track: Track, is_target: bool) -> None:
-    left, top, right, bottom = (round(value) for value in track.box_xyxy)
-    colour = _bgr(track.id)
-    if track.state == "tracked":
-        cv2.rectangle(canvas, (left, top), (right, bottom), colour, 2)
-    else:
-        _dashed(canvas, (left, top, right, bottom), colour)
-    if is_target:
-        cv2.rectangle(canvas, (left - 4, top - 4), (right + 4, bottom + 4), _WHITE, 2)
+def marks(tracks: Tracks, target_id: int | None) -> list[Mark]:
+    """What is drawn of the people of a frame: of those that are shown."""
+    return [_mark_of(track, track.id == target_id) for track in tracks.tracks if track.shown]
+
+
+def _mark_of(track: Track, is_target: bool) -> Mark:
     label = str(track.id)
     if track.occluded_by:
         label += " behind " + ",".join(map(str, track.occluded_by))
@@ -66,11 +60,62 @@ def _mark(canvas: NDArray[np.uint8], track: Track, is_target: bool) -> None:
         label += f" {track.state}"
     if track.identity_confidence < UNSURE_BELOW:
         label += " ?"
-    _text(canvas, label, (left, max(12, top - 5)), colour)
+    measured = track.state == "tracked"
+    return Mark(track.id, track.box_xyxy, colour_of(track.id), measured, is_target, label)
 
 
-def _bgr(track_id: int) -> tuple[int, int, int]:
-    red, green, blue = (round(255 * part) for part in colour_of(track_id))
+class Trails:
+    """Where people stood in the last frames."""
+
+    def __init__(self) -> None:
+        self._of: OrderedDict[int, deque[tuple[float, float]]] = OrderedDict()
+
+    def add(self, mark: Mark) -> list[tuple[float, float]]:
+        """Take a person's place in the next frame; returns the trail up to it, the oldest first."""
+        trail = self._of.setdefault(mark.id, deque(maxlen=_TRAIL_FRAMES))
+        self._of.move_to_end(mark.id)
+        while len(self._of) > _MAX_TRAILS:
+            self._of.popitem(last=False)
+        trail.append(mark.foot)
+        return list(trail)
+
+
+class Annotator:
+    """Draws boxes, ids, trails, occlusion marks and the target; remembers trails."""
+
+    def __init__(self) -> None:
+        self._trails = Trails()
+
+    def draw(
+        self, image: NDArray[np.uint8], tracks: Tracks, target_id: int | None, caption: str
+    ) -> NDArray[np.uint8]:
+        """A copy of `image`, (H, W, 3) uint8 BGR, with the marks of its frame."""
+        canvas = image.copy()
+        for mark in marks(tracks, target_id):
+            trail = [(round(x), round(y)) for x, y in self._trails.add(mark)]
+            points = np.array(trail, np.int32).reshape(-1, 1, 2)
+            cv2.polylines(canvas, [points], False, _bgr(mark.rgb), 1, cv2.LINE_AA)
+            _draw(canvas, mark)
+        if tracks.occlusion:
+            _text(canvas, "occlusion", (8, canvas.shape[0] - 10), (0, 200, 255))
+        _text(canvas, caption, (8, 20), _WHITE)
+        return canvas
+
+
+def _draw(canvas: NDArray[np.uint8], mark: Mark) -> None:
+    left, top, right, bottom = (round(value) for value in mark.box)
+    colour = _bgr(mark.rgb)
+    if mark.measured:
+        cv2.rectangle(canvas, (left, top), (right, bottom), colour, 2)
+    else:
+        _dashed(canvas, (left, top, right, bottom), colour)
+    if mark.is_target:
+        cv2.rectangle(canvas, (left - 4, top - 4), (right + 4, bottom + 4), _WHITE, 2)
+    _text(canvas, mark.label, (left, max(12, top - 5)), colour)
+
+
+def _bgr(rgb: Rgb) -> tuple[int, int, int]:
+    red, green, blue = (round(255 * part) for part in rgb)
     return blue, green, red
 
 

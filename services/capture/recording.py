@@ -13,7 +13,7 @@ from heel.schemas import CameraInfo, Header, MessageError, decode
 from heel.schemas.errors import SourceError
 from heel.schemas.image import decode_image
 from heel.services.capture.ffmpeg import shown_path
-from heel.services.capture.rosbag import RosbagSource, picture_topics
+from heel.services.capture.rosbag import McapBag, RosbagSource, SqliteBag
 from heel.services.capture.source import (
     DEFAULT_FPS,
     Frame,
@@ -134,28 +134,36 @@ class RecordingSource(FrameSource):
 def open_recording(spec: str, warn: Warn = log_warning) -> FrameSource:
     """Open `FILE.mcap` or `FILE.mcap?camera=NAME`, of Heel's or of ROS, where it is a topic's name.
 
+    A bag of ROS in sqlite3 is a folder.
+
     Raises:
         SourceError: as `RecordingSource` and `RosbagSource`.
     """
-    path, _, camera = spec.partition(CAMERA_OPTION)
-    if topics := picture_topics(Recording(Path(path)), _LOOKED_AT):
-        return RosbagSource(Path(path), topics, camera or None, warn)
-    return RecordingSource(Path(path), camera or None, warn)
+    name, _, camera = spec.partition(CAMERA_OPTION)
+    path = Path(name)
+    if path.is_dir():
+        bag = SqliteBag(path)
+        if not bag.topics:
+            raise SourceError(f"{shown_path(path)}: a bag without pictures")
+        return RosbagSource(bag, camera or None, warn)
+    if (recorded := McapBag(path, _LOOKED_AT)).topics:
+        return RosbagSource(recorded, camera or None, warn)
+    return RecordingSource(path, camera or None, warn)
 
 
 def bag_in(folder: Path) -> Path | None:
-    """The one MCAP file of a folder that rosbag2 has made; None if it is no such folder.
+    """The bag in a folder that rosbag2 has made; None if it is no such folder.
+
+    That is its one MCAP file, or the folder itself if its files are of sqlite3.
 
     Raises:
-        SourceError: it holds another kind of file, or several.
+        SourceError: it holds several files of MCAP.
     """
     if not (folder / "metadata.yaml").is_file():
         return None
     name, files = shown_path(folder), sorted(folder.glob("*.mcap"))
     if not files and any(folder.glob("*.db3")):
-        raise SourceError(
-            f"{name}: a bag in sqlite3: make one in MCAP of it with `ros2 bag convert`"
-        )
+        return folder
     if len(files) > 1:
         raise SourceError(f"{name}: {len(files)} files in it: give one, such as {files[0].name}")
     return files[0] if files else None

@@ -15,7 +15,12 @@ from heel.services.capture.adjust import AdjustedSource, LoopedSource, check_adj
 from heel.services.capture.camera import STREAM_SCHEMES, open_device, open_stream
 from heel.services.capture.ffmpeg import shown_path
 from heel.services.capture.image_folder import IMAGE_SUFFIXES, ImageFolderSource, list_images
-from heel.services.capture.recording import bag_in, names_recording, open_recording
+from heel.services.capture.recording import (
+    CAMERA_OPTION,
+    bag_in,
+    names_recording,
+    open_recording,
+)
 from heel.services.capture.scene_source import SCENE_PREFIX, open_scene
 from heel.services.capture.sequence import open_sequence
 from heel.services.capture.source import FrameSource, Warn, log_warning
@@ -113,6 +118,9 @@ def _open_recording(spec: str, warn: Warn) -> FrameSource:
     path = Path(spec)
     if names_recording(spec) and not os.path.isdir(path):
         return open_recording(spec, warn)
+    folder, mark, camera = spec.partition(CAMERA_OPTION)
+    if mark and os.path.isdir(folder) and (bag := bag_in(Path(folder))) is not None:
+        return open_recording(f"{bag}{mark}{camera}", warn)
     if spec and os.path.isdir(path):
         if sequence_file(path) is not None:
             return open_sequence(path, warn)

@@ -10,6 +10,7 @@ from heel.services.commands.demo import demo
 from heel.services.commands.doctor.command import doctor
 from heel.services.commands.eval import score
 from heel.services.commands.follow import follow
+from heel.services.commands.foxglove import foxglove
 from heel.services.commands.models import app as models
 from heel.services.commands.recording.replay import replay
 from heel.services.commands.report.command import report
@@ -43,7 +44,7 @@ def register_tools(app: typer.Typer) -> None:
     for command in (status, follow, stop, resume, swap):
         app.command(rich_help_panel=_ROBOT)(command)
     app.add_typer(security, name="security", rich_help_panel=_ROBOT)
-    for command in (doctor, top, topics, hz, bw, echo, replay):
+    for command in (doctor, top, topics, hz, bw, echo, foxglove, replay):
         app.command(rich_help_panel=_LOOK)(command)
     app.command(rich_help_panel=_LOOK)(why)
     app.command(rich_help_panel=_LOOK)(report)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from heel.schemas.errors import SettingsError
+from heel.services.foxglove_messages import FoxgloveMessages
 from heel.services.recorder.ring import Latches
 from heel.services.recordings.wire import FLUSH_PERIOD_S, WireMessage
 from heel.services.recordings.writing import RecordingBytes
@@ -46,12 +47,22 @@ def free_bytes(folder: Path) -> int:
 class RecordingFile:
     """One file that is being written; whatever stops it, what was flushed can be read.
 
+    Args:
+        path: of the file, which is not there yet.
+        session: what it says of the recording.
+        library: the software that writes, with its version.
+        foxglove: makes messages for viewers of those of the bus, which go beside them; None: none.
+
     Raises:
         OSError: it cannot be made.
     """
 
-    def __init__(self, path: Path, session: dict[str, str], library: str) -> None:
+    def __init__(
+        self, path: Path, session: dict[str, str], library: str,
+        foxglove: FoxgloveMessages | None = None,
+    ) -> None:  # fmt: skip
         self.path = path
+        self._foxglove = foxglove
         self._bytes = RecordingBytes(session, library)
         # Read and written by its owner: pictures of people are in it.
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
@@ -65,6 +76,22 @@ class RecordingFile:
             OSError: the disk took not all of it; the file is as before.
         """
         self._bytes.add(message)
+        if self._foxglove is not None:
+            for one in self._foxglove.of(
+                message.key,
+                message.encoding,
+                message.payload,
+                message.attachment,
+                message.logged_ns,
+            ):
+                schema = one.kind.get_schema()
+                self._bytes.add_beside(
+                    one.topic,
+                    "protobuf",
+                    (schema.name, schema.encoding, schema.data),
+                    one.data,
+                    one.logged_ns,
+                )
         self.messages += 1
         self._write(self._bytes.taken())
 
@@ -123,6 +150,7 @@ class RecordingFiles:
         session: what every file says of the recording.
         library: the software that writes, with its version.
         free: bytes that are free in a folder.
+        foxglove: as of `RecordingFile`.
 
     Raises:
         SettingsError: the folder cannot be made, or the file is there already.
@@ -130,12 +158,12 @@ class RecordingFiles:
 
     def __init__(
         self, out: Path, limits: Limits, session: dict[str, str], library: str,
-        free: Free = free_bytes,
+        free: Free = free_bytes, foxglove: FoxgloveMessages | None = None,
     ) -> None:  # fmt: skip
         self._single = out if out.suffix == SUFFIX else None
         self._folder = out.parent if self._single else out
         self._limits, self._session, self._library = limits, session, library
-        self._free = free
+        self._free, self._foxglove = free, foxglove
         self._file: RecordingFile | None = None
         self._begun_s = self._flushed_s = 0.0
         self._looked_s = self._failed_s = float("-inf")
@@ -257,7 +285,7 @@ class RecordingFiles:
     def _begin(self, word: str, now_s: float) -> RecordingFile:
         for path in self._names(word):
             try:
-                self._file = RecordingFile(path, self._session, self._library)
+                self._file = RecordingFile(path, self._session, self._library, self._foxglove)
             except FileExistsError:
                 continue
             self.path, self._begun_s, self._flushed_s, self.problem = path, now_s, now_s, None

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import zenoh
 
 from heel.schemas import keys
+from heel.services.foxglove_messages import FoxgloveMessages
 from heel.services.recorder.disk import DiskThread, Saving
 from heel.services.recorder.events import EventWatch
 from heel.services.recorder.files import Limits, RecordingFiles
@@ -70,7 +71,10 @@ class Recorder:
             "flush_period_s": f"{FLUSH_PERIOD_S:g}", "frames": s.frames,
             "begun_ns": str(time.time_ns()),
         }  # fmt: skip
-        self._files = RecordingFiles(s.out, limits, session, f"heel {version}")
+        self._files = RecordingFiles(
+            s.out, limits, session, f"heel {version}",
+            foxglove=FoxgloveMessages() if s.foxglove else None,
+        )  # fmt: skip
         self._disk = DiskThread(self._files, _QUEUE_BYTES, context.log)
         self._ring = None if s.last_s is None else Ring(s.last_s + AFTER_S, s.last_mb * 10**6)
         self._events = EventWatch()

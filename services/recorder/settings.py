@@ -24,6 +24,11 @@ class RecorderSettings(ServiceSettings):
         description="as which pictures are kept; raw ones give the very same tracks again, and "
         "take 2 GB a minute (768x576, 25 a second)",
     )
+    foxglove: bool = Field(
+        True,
+        description="besides keep pictures, marks, poses and a log in Foxglove's own types, so "
+        "that its viewers show the file: without them JPEGs take half the room",
+    )
     file_mb: int = Field(
         2000, ge=1, le=1_000_000, description="a new file is begun after so much, MB"
     )

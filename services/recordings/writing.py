@@ -93,6 +93,7 @@ class RecordingBytes:
         self._writer.add_metadata(SESSION, session)
         self._schemas: dict[str, int] = {}
         self._channels: dict[tuple[str, str, bool], int] = {}
+        self._beside: dict[str, int] = {}
         self._number = 0
         self.left_out = 0
         """Messages on more keys than are told apart."""
@@ -109,6 +110,30 @@ class RecordingBytes:
         if attachments is not None:
             self._put(attachments, message.attachment or b"", message.logged_ns)
         self._put(channel, message.payload, message.logged_ns)
+
+    def add_beside(
+        self, topic: str, encoding: str, schema: tuple[str, str, bytes], data: bytes, logged_ns: int
+    ) -> None:
+        """Take a message that did not go over the bus, for viewers: it is never replayed.
+
+        Args:
+            topic: as viewers list it.
+            encoding: of the data.
+            schema: name, encoding and content.
+            data: the message.
+            logged_ns: wall clock.
+        """
+        channel = self._beside.get(topic)
+        if channel is None:
+            if len(self._channels) + len(self._beside) >= _MOST_CHANNELS:
+                self.left_out += 1
+                return
+            if schema[0] not in self._schemas:
+                self._schemas[schema[0]] = self._writer.register_schema(*schema)
+            channel = self._writer.register_channel(topic, encoding, self._schemas[schema[0]])
+            self._beside[topic] = channel
+        self._number = (self._number + 1) & 0xFFFFFFFF
+        self._put(channel, data, logged_ns)
 
     def add_metadata(self, name: str, fields: dict[str, str]) -> None:
         """Take a record of text."""

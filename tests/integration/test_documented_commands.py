@@ -92,6 +92,8 @@ ELSEWHERE = {
         "tests/unit/geometry/test_board.py::test_from_pictures_to_a_file_that_capture_reads",
     "heel capture /dev/video0 --lens lens.yaml":
         "tests/unit/capture/test_describe.py::test_a_lens_tells_field_of_view_and_distortion",
+    "heel foxglove":
+        "tests/integration/test_foxglove.py::test_a_viewer_gets_pictures_marks_and_messages",
     "heel demo --scene": _README + "test_the_drawn_scene_is_played_once_and_scored",
     "heel demo": "tests/integration/test_demo.py::test_it_ends_after_so_long_and_says_how_it_went",
     "heel run video.mp4 --out results --annotate": _README + "test_recording_commands",

@@ -114,9 +114,9 @@ def test_every_extra_is_in_all_and_every_hint_names_what_pip_finds_anywhere() ->
     texts.append((REPOSITORY / "README.md").read_text())
     assert not any("pip install 'heel-follow" in text for text in texts), "it is on no index"
     assert offered == {
-        "cryptography", "matplotlib", "mcap",
+        "cryptography", "foxglove-sdk", "matplotlib", "mcap",
         "mcap-ros2-support", "onnx", "onnxruntime", "panda3d",
-        "prometheus-client", "segno",
+        "prometheus-client", "rosbags", "segno",
     }  # fmt: skip
     for package in offered:
         hint = re.compile(rf"(pip install|--force-reinstall) ([\w-]+ )*{package}\b")

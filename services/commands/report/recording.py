@@ -27,6 +27,7 @@ from heel.schemas import (
     Tracks,
     decode,
 )
+from heel.schemas.image import JPEG, RAW
 from heel.services.commands.report.facts import (
     Curve,
     Event,
@@ -102,7 +103,7 @@ class _Reader:
             self._first_ns = message.logged_ns
         self._t_s = max(self._t_s, (message.logged_ns - self._first_ns) * 1e-9)
         try:
-            if message.encoding.startswith("image/"):
+            if message.encoding in (JPEG, RAW):
                 self._image(message)
             elif (found := self._takers.get(message.encoding)) is not None:
                 kind, taker = found

@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 191
+MOST = 193
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,

@@ -356,6 +356,7 @@ def written(settings: RecorderSettings) -> object:
 RECORDER: Table = {
     "delivery": Refused("lossless", "live"),
     "out": Changes(Path("elsewhere"), written),
+    "foxglove": ReadBy("recorder/service.py", "FoxgloveMessages() if s.foxglove"),
     "frames": ReadBy("recorder/service.py", "match self._context.settings.frames"),
     "file_mb": ReadBy("recorder/service.py", "s.file_mb * 10**6"),
     "file_s": ReadBy("recorder/service.py", "s.file_s"),
