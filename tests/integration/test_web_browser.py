@@ -15,6 +15,9 @@ from heel.schemas import (
     FollowState,
     FrameId,
     HeelError,
+    Manual,
+    ManualGrant,
+    ManualRequest,
     Stamp,
     Target,
     TargetRequest,
@@ -292,3 +295,70 @@ def _estop(stops: queue.Queue[zenoh.Sample], deadline_s: float = 10.0) -> EStop:
 def _empty(samples: queue.Queue[zenoh.Sample]) -> None:
     while not samples.empty():
         samples.get_nowait()
+
+
+@contextmanager
+def pretended_arbiter(session: zenoh.Session) -> Iterator[queue.Queue[ManualRequest]]:
+    """Gives the robot to whoever asks, as a follower would, and tells who asked."""
+    requests: queue.Queue[ManualRequest] = queue.Queue()
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            assert query.payload is not None
+            request = decode(ManualRequest, query.payload.to_bytes())
+            requests.put(request)
+            grant = ManualGrant(grant="a" * 16 if request.take else None, source=request.source)
+            query.reply(keys.FOLLOW_MANUAL, encode(grant), encoding=grant.encoding())
+
+    queryable = session.declare_queryable(keys.FOLLOW_MANUAL, answer)
+    try:
+        yield requests
+    finally:
+        queryable.undeclare()
+
+
+def test_the_robot_is_driven_as_long_as_a_key_or_the_pad_is_held(
+    chrome: Chrome, endpoint: str
+) -> None:
+    from selenium.webdriver import ActionChains
+
+    with (
+        client(endpoint) as session,
+        web_process(endpoint) as (url, _),
+        pretended_arbiter(session) as requests,
+        collected(session, keys.FOLLOW_MANUAL) as sent,
+    ):
+
+        def newest() -> Manual | None:
+            wishes = [decode(Manual, one.payload.to_bytes()) for one in list(sent.queue)]
+            return wishes[-1] if wishes else None
+
+        def wished(held: bool, forward: float, left: float) -> bool:
+            wish = newest()
+            return wish is not None and (wish.held, wish.forward, wish.left) == (
+                held, pytest.approx(forward, abs=0.1), pytest.approx(left, abs=0.1),
+            )  # fmt: skip
+
+        open_page(chrome, url)
+        ActionChains(chrome).key_down("w").key_up("w").perform()
+        assert sent.empty(), "nobody has asked for the robot"
+        tell_state(session, estop=False)
+        shows(chrome, "driver", "the follower")
+        chrome.find_element("id", "take").click()
+        assert requests.get(timeout=10).take
+        shows(chrome, "driver", "you, by hand")
+        ActionChains(chrome).key_down("w").key_down("a").perform()
+        wait_until(lambda: wished(True, 1.0, 1.0), "ahead and to the left")
+        ActionChains(chrome).key_up("a").perform()
+        wait_until(lambda: wished(True, 1.0, 0.0), "ahead")
+        chrome.execute_script("window.dispatchEvent(new Event('blur'))")
+        wait_until(lambda: wished(False, 0.0, 0.0), "let go without the focus")
+        ActionChains(chrome).key_up("w").perform()
+        pad = chrome.find_element("id", "pad")
+        ActionChains(chrome).move_to_element_with_offset(pad, 0, -60).click_and_hold().perform()
+        wait_until(lambda: wished(True, 0.9, 0.0), "ahead by the pad")
+        ActionChains(chrome).release().perform()
+        wait_until(lambda: wished(False, 0.0, 0.0), "let go of the pad")
+        chrome.find_element("id", "hand-back").click()
+        assert not requests.get(timeout=10).take
+        shows(chrome, "driver", "the follower")

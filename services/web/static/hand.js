@@ -70,7 +70,7 @@ export class Hand {
     const by = follower?.driven_by ?? "";
     if (this.drives && follower && by !== this.source && this.seen) {
       this.leave();
-      this.say(by ? `${by} drives by hand now` : "The follower drives again", "calm");
+      this.say(by ? "Somebody else drives by hand now" : "The follower drives again", "calm");
     }
     // The follower's word comes a moment later than its grant.
     this.seen = this.drives && (this.seen || by === this.source);
@@ -79,7 +79,9 @@ export class Hand {
     element("pad").hidden = element("hand-help").hidden = !mine;
     element("take").hidden = mine;
     element("hand-back").hidden = !by && !mine;
-    const words = lost ? "unknown" : mine ? "you, by hand" : by ? `${by}, by hand` : follower ? "the follower" : "nobody is known";
+    const page = by.startsWith("web/") ? by.split(" ")[1] : "";
+    const who = page ? `a page at ${page}` : by;
+    const words = lost ? "unknown" : mine ? "you, by hand" : by ? `${who}, by hand` : follower ? "the follower" : "not known";
     if (element("driver").textContent !== words) element("driver").textContent = words;
     const take = by && !mine ? "Take over" : "Drive by hand";
     if (element("take").textContent !== take) element("take").textContent = take;
