@@ -46,6 +46,9 @@ if TYPE_CHECKING:
         Health,
         HeelError,
         KeyNameError,
+        Manual,
+        ManualGrant,
+        ManualRequest,
         Message,
         MessageError,
         MotionCommand,
@@ -84,12 +87,12 @@ _API_NAMES = frozenset({
 __all__ = [
     "MESSAGES", "Blob", "Blobs", "CameraInfo", "CameraMotion", "DetectorSettings", "DriveState",
     "EStop", "EndOfStream", "Evidence", "FollowState", "Follower", "FollowerSettings", "Frame",
-    "FrameId", "Handover", "Header", "Health", "HeelError", "Image", "KeyNameError", "Message",
-    "MessageError", "MotionCommand", "Odometry", "Patch", "Pointed", "Pose", "Progress",
-    "RangeSector", "Ranges", "SettingsError", "SimObstacle", "SimPerson", "SimTruth", "SimWorld",
-    "Snapshot", "SourceError", "Stamp", "Taken", "Target", "TargetChoice", "TargetRequest", "Track",
-    "TrackEvent", "Tracker", "TrackerSettings", "Tracks", "Video", "__version__", "decode",
-    "encode", "open", "track",
+    "FrameId", "Handover", "Header", "Health", "HeelError", "Image", "KeyNameError", "Manual",
+    "ManualGrant", "ManualRequest", "Message", "MessageError", "MotionCommand", "Odometry",
+    "Patch", "Pointed", "Pose", "Progress", "RangeSector", "Ranges", "SettingsError",
+    "SimObstacle", "SimPerson", "SimTruth", "SimWorld", "Snapshot", "SourceError", "Stamp",
+    "Taken", "Target", "TargetChoice", "TargetRequest", "Track", "TrackEvent", "Tracker",
+    "TrackerSettings", "Tracks", "Video", "__version__", "decode", "encode", "open", "track",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # a checker would take every misspelt name for an attribute

@@ -32,7 +32,7 @@ COLOURS = ("#1d5fa8", "#d1495b", "#5b8c3e", "#8a5fb0", "#b07d2b")
 STATE_COLOURS = {
     "following": "#2f9e6b", "acquiring": "#6f9fd8", "occluded": "#a9bf3f", "unsure": "#f0a32b",
     "searching": "#9a78cc", "lost": "#7b8794", "stopped": "#d64545", "idle": "#cbd5df",
-    "driving": "#2f9e6b", "waiting": "#cbd5df", "manual": "#17a2b8",
+    "driving": "#2f9e6b", "waiting": "#cbd5df", "by hand": "#17a2b8",
 }  # fmt: skip
 """Of states of the follower and of the drive."""
 _OTHER = "#b9c3cd"

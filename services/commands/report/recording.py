@@ -160,7 +160,8 @@ class _Reader:
     def _command(self, command: MotionCommand, message: WireMessage) -> None:
         self._commanded[0].add(self._t_s, command.linear_mps)
         self._commanded[1].add(self._t_s, command.angular_radps)
-        self._states.take(self._t_s, command.state, command.reason)
+        by_hand = command.manual and command.state == "idle"
+        self._states.take(self._t_s, "by hand" if by_hand else command.state, command.reason)
         frame = None if command.frame is None else (command.frame.epoch, command.frame.seq)
         if frame is not None and frame != self._acted:
             # The age that counts is that of the first command that rests on a frame.

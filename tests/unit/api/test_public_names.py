@@ -19,12 +19,12 @@ _SERVICES = Path(__file__).resolve().parents[3] / "services"
 EXPORTED = [
     "MESSAGES", "Blob", "Blobs", "CameraInfo", "CameraMotion", "DetectorSettings", "DriveState",
     "EStop", "EndOfStream", "Evidence", "FollowState", "Follower", "FollowerSettings", "Frame",
-    "FrameId", "Handover", "Header", "Health", "HeelError", "Image", "KeyNameError", "Message",
-    "MessageError", "MotionCommand", "Odometry", "Patch", "Pointed", "Pose", "Progress",
-    "RangeSector", "Ranges", "SettingsError", "SimObstacle", "SimPerson", "SimTruth", "SimWorld",
-    "Snapshot", "SourceError", "Stamp", "Taken", "Target", "TargetChoice", "TargetRequest", "Track",
-    "TrackEvent", "Tracker", "TrackerSettings", "Tracks", "Video", "__version__", "decode",
-    "encode", "open", "track",
+    "FrameId", "Handover", "Header", "Health", "HeelError", "Image", "KeyNameError", "Manual",
+    "ManualGrant", "ManualRequest", "Message", "MessageError", "MotionCommand", "Odometry",
+    "Patch", "Pointed", "Pose", "Progress", "RangeSector", "Ranges", "SettingsError",
+    "SimObstacle", "SimPerson", "SimTruth", "SimWorld", "Snapshot", "SourceError", "Stamp",
+    "Taken", "Target", "TargetChoice", "TargetRequest", "Track", "TrackEvent", "Tracker",
+    "TrackerSettings", "Tracks", "Video", "__version__", "decode", "encode", "open", "track",
 ]  # fmt: skip
 """Programs of others rest on these names: what is taken away or renamed breaks them."""
 

@@ -240,6 +240,16 @@ def test_a_recording_that_was_cut_off_is_told_up_to_there(tmp_path: Path, share:
     assert needs_nothing(page)
 
 
+def test_time_by_hand_is_told_as_such(tmp_path: Path) -> None:
+    command = MotionCommand(seq=0, linear_mps=0.4, angular_radps=0.0, ttl_s=0.3, state="idle",
+                            reason="driven by hand: a page", manual=True)  # fmt: skip
+    messages = [message(keys.FOLLOW_COMMAND, command, 40 * n) for n in range(50)]
+    facts, _ = read_recording(recording(tmp_path / "a.mcap", messages))
+    assert [(one.name, one.reason) for one in facts.states] == [
+        ("by hand", "driven by hand: a page")
+    ]
+
+
 def test_a_recording_without_anything_in_it_is_told(tmp_path: Path) -> None:
     page = page_of(recording(tmp_path / "a.mcap", []))
     assert "no message of Heel" in page
