@@ -62,6 +62,8 @@ _SIDE_M = 0.05
 
 _SECTOR_RAD = math.radians(2.5)
 """Width of a sector of ranges; chosen by hand: 9 cm at 2 m."""
+_OVERLAP = 1.02
+"""Sectors are told wider by this, so that no direction is between two of them by a rounding."""
 _FLOOR_M = 0.06
 """What is lower above the floor is the floor: a threshold of a door."""
 _FLOOR_PER_M = 0.025
@@ -235,7 +237,7 @@ def depth_sectors(
             distance_m = math.nan
         bearing_rad = math.remainder(bearing_rad + yaw_rad, 2 * math.pi)
         sectors.append(RangeSector(
-            bearing_rad=bearing_rad, width_rad=view.width_rad, distance_m=distance_m
+            bearing_rad=bearing_rad, width_rad=_OVERLAP * view.width_rad, distance_m=distance_m
         ))  # fmt: skip
     return tuple(sectors)
 

@@ -199,6 +199,14 @@ def test_thresholds_tables_and_beams(up_m: tuple[float, float], stands: bool) ->
     assert (towards(depth_sectors(noisy(metres), CAMERA), 0.0) < 2.0) == stands
 
 
+def test_no_direction_is_between_two_sectors() -> None:
+    sectors = depth_sectors(noisy(empty()), CAMERA)
+    for bearing_rad in np.linspace(-0.78, 0.78, 313):
+        assert any(
+            abs(one.bearing_rad - bearing_rad) < one.width_rad / 2 for one in sectors
+        ), bearing_rad  # fmt: skip
+
+
 def test_a_few_stray_pixels_are_no_obstacle() -> None:
     depth = noisy(empty())
     depth[100, 155:160] = 700
