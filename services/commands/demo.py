@@ -128,7 +128,7 @@ def _play_world(
         episode_s=None if options.loop else duration_s, seconds=options.seconds,
         page=PageOptions(options.web_port or 0, options.on_page, options.robot),
         truth=options.out / "truth.jsonl" if kept else None,
-        detector_flags=tuple(options.detector_flags()),
+        detector_flags=tuple(options.detector_flags()), revives=True,
     )  # fmt: skip
     tally = FollowingTally()
     figures = tally.figures

@@ -12,17 +12,19 @@ from typing import Annotated
 import typer
 
 from heel.schemas.errors import HeelError, SettingsError
+from heel.services.run.bounds import MOST_STARTS, WITHIN_S
 
 TARGET = "heel.target"
 STACK = ("capture", "detector", "tracker", "follower", "drive", "web")
 """Services of a robot whose settings name none."""
 RULES = "70-heel.rules"
 
-_WATCHDOG_S = {"router": 5, "follower": 5, "drive": 5}
-"""Seconds without a turn of the service's loop after which it is killed. Loops without pictures
-take milliseconds, and the robot stands by then; chosen by hand."""
-_WATCHDOG_PICTURES_S = 10
-"""The same for services that work on pictures: a busy machine has held them up for 8 s."""
+_WATCHDOG_S = 2
+"""Seconds without a sign of life after which a process is killed. The robot stands by then, and is
+to go on within five seconds, of which starting takes two; chosen by hand. How long a loop may take
+for a turn the service itself knows (`heel.services.runtime.notify`)."""
+_FIRST = ("router", "follower", "drive")
+"""The stop and the wheels: they come first where the processor or memory is short."""
 _MEMORY_MB = {"detector": 1500}
 """Most memory of a service: several times what it takes, so that only a leak reaches it; chosen by
 hand, for networks."""
@@ -37,22 +39,23 @@ _UNIT = """\
 Description=Heel: {service}
 PartOf={target}
 {order}# A service that fails again and again stays down, and the robot stands.
-StartLimitIntervalSec=60
-StartLimitBurst=5
+StartLimitIntervalSec={within_s:g}
+StartLimitBurst={most_starts}
 
 [Service]
 Type=notify
 ExecStart={command}
 Environment=PYTHONUNBUFFERED=1
 EnvironmentFile=-{environment_file}
-{place}# Fed by the loop that does the work. A process that hangs answers no other signal.
+{place}# Silent at once when the process is frozen, a while later when its loop hangs. Such a
+# process answers no other signal.
 WatchdogSec={watchdog_s}
 WatchdogSignal=SIGKILL
 TimeoutStartSec=60
 TimeoutStopSec=5
 KillMode=mixed
 Restart=on-failure
-RestartSec=0.5
+RestartSec=0.2
 # Wrong settings are as wrong the next time.
 RestartPreventExitStatus=2
 # Zenoh locks its shared memory.
@@ -176,13 +179,12 @@ def _unit(service: str, layout: Layout) -> str:
     router = unit_name("router")
     follows = layout.router and service != "router"
     config = () if layout.config is None else ("--config", str(layout.config))
-    # The stop and the wheels come first where the processor is short.
-    cheap = service in _WATCHDOG_S
+    first = service in _FIRST
     hardening, place = _HARDENING, ""
     if not layout.user:
         group = _DEVICES.get(service)
         hardening += _SYSTEM_HARDENING + ("" if group else "PrivateDevices=yes\n")
-        hardening += "OOMScoreAdjust=-500\n" if cheap else ""
+        hardening += "OOMScoreAdjust=-500\n" if first else ""
         groups = f"SupplementaryGroups={group}\n" if group else ""
         place = _SYSTEM_PLACE.format(account=layout.account, groups=groups)
     return _UNIT.format(
@@ -192,8 +194,8 @@ def _unit(service: str, layout: Layout) -> str:
         order=f"Wants={router}\nAfter={router}\n" if follows else "",
         command=" ".join(map(quoted, (*layout.program, service, *config))),
         environment_file="%h/.config/heel/heel.env" if layout.user else "/etc/heel/heel.env",
-        place=place, watchdog_s=_WATCHDOG_S.get(service, _WATCHDOG_PICTURES_S),
-        memory_mb=_MEMORY_MB.get(service, _MEMORY_ELSE_MB), cpu_weight=500 if cheap else 100,
+        place=place, watchdog_s=_WATCHDOG_S, within_s=WITHIN_S, most_starts=MOST_STARTS,
+        memory_mb=_MEMORY_MB.get(service, _MEMORY_ELSE_MB), cpu_weight=500 if first else 100,
         hardening=hardening,
     )  # fmt: skip
 

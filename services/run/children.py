@@ -9,9 +9,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Literal
 
 import zenoh
 
@@ -39,6 +40,7 @@ class Child:
 
     name: str
     process: subprocess.Popen[bytes]
+    flags: tuple[str, ...] = ()
 
     @property
     def over(self) -> bool:
@@ -89,11 +91,29 @@ class Children:
 
     def start(self, service: str, *flags: str) -> Child:
         """Start `python -m heel.services.SERVICE FLAGS`, logging into its own file."""
-        words = ("-m", f"heel.services.{service}", "--log-format", "json", *flags)
-        with self._log(service).open("wb") as log:
-            child = Child(service, start_python(words, log, os.environ))
+        child = self._started(service, flags, "wb")
         self._children.append(child)
         return child
+
+    def start_again(self, service: str) -> None:
+        """Start a service as before, in place of its process, which is killed if it still runs."""
+        place = next(k for k, child in enumerate(self._children) if child.name == service)
+        before = self._children[place]
+        if not before.over:
+            before.process.kill()
+            with suppress(subprocess.TimeoutExpired):  # only a device can hold it; it ends with it
+                before.process.wait(_KILL_S)
+        self._children[place] = self._started(service, before.flags, "ab")
+
+    def _started(self, service: str, flags: tuple[str, ...], mode: Literal["wb", "ab"]) -> Child:
+        words = ("-m", f"heel.services.{service}", "--log-format", "json", *flags)
+        with self._log(service).open(mode) as log:
+            return Child(service, start_python(words, log, os.environ), flags)
+
+    @property
+    def logs(self) -> Path:
+        """Where the log files are now."""
+        return self._log_folder()
 
     def pids(self) -> dict[str, int]:
         """The processes that have been started, by name."""
@@ -109,6 +129,18 @@ class Children:
     def ended(self, *but: str) -> str | None:
         """The first child that has ended, well or badly, and is not among those named."""
         return next((one.name for one in self._children if one.over and one.name not in but), None)
+
+    def exit_code(self, name: str) -> int | None:
+        """Of a child that has ended; None while it lives, or is not started yet."""
+        found = (child.process.poll() for child in self._children if child.name == name)
+        return next(found, None)
+
+    def is_running(self, name: str) -> bool:
+        """Whether a child is neither over nor stopped by a signal (SIGSTOP)."""
+        return any(
+            not child.over and _state(child.process.pid) != "T"
+            for child in self._children if child.name == name
+        )  # fmt: skip
 
     def over(self, name: str) -> bool:
         """Whether the child of that name, if there is one, has ended."""
@@ -186,6 +218,14 @@ def await_present(
                 f"{missing} not up within {_START_TIMEOUT_S:g} s: is the machine very busy?"
             )
     watch.undeclare()  # type: ignore[no-untyped-call]
+
+
+def _state(pid: int) -> str:
+    """A process's state as the kernel says it (proc(5)); empty if there is none."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (OSError, IndexError):
+        return ""
 
 
 def last_complaint(log: Path) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import OrderedDict
+from collections import OrderedDict, deque
 
 import numpy as np
 import zenoh
@@ -27,7 +27,6 @@ from heel.schemas import (
 from heel.schemas.image import decode_image
 from heel.services.run.options import RunOptions
 from heel.services.run.outputs import RunOutputs
-from heel.services.run.silence import HUNG_S, Silences
 from heel.services.run.summary import Camera, RunSummary
 from heel.services.runtime import qos
 from heel.services.runtime.chain import page_of
@@ -42,6 +41,8 @@ CAMERA = "front"
 _KEPT_IMAGES = 16
 """Frames whose picture waits for its tracks, or the reverse, before it is left out of the film:
 bounds the memory; chosen by hand."""
+_KEPT_HEALTH = 64
+"""Messages of health that wait for the run; it takes them with every message. Chosen by hand."""
 # Rates of a film that players show [frames/s]; a camera may state anything. Chosen by hand.
 _LEAST_FPS = 1.0
 _MOST_FPS = 240.0
@@ -92,9 +93,10 @@ class Collector:
         self._command_frames: set[tuple[int, int]] = set()
         self._target_id: int | None = None
         self._ended: set[str] = set()
-        self.silences = Silences(HUNG_S, "capture", "detector", "tracker", "follower")
+        self.health: deque[tuple[Health, float]] = deque(maxlen=_KEPT_HEALTH)
+        """What services told of themselves, and when it came; for the run to take."""
         self.info: CameraInfo | None = None
-        self._page_told = False
+        self._page_url = ""
         self.first_frame_s: float | None = None
         """Monotonic time at which the first frame was acquired, transit not counted."""
         self.last_frame_s = 0.0
@@ -127,7 +129,7 @@ class Collector:
     def _side(self, arrival: Arrival) -> None:
         if arrival.topic == "health":
             health = decode(Health, arrival.payload, arrival.encoding)
-            self.silences.heard(health.service, arrival.arrived_s)
+            self.health.append((health, arrival.arrived_s))
             self._summary.missing[health.service] = health.dropped
             self._summary.malformed[health.service] = health.malformed
             self._summary.cpu_s[health.service] = health.cpu_s
@@ -144,9 +146,9 @@ class Collector:
             self._target_id = decode(Target, arrival.payload, arrival.encoding).track_id
 
     def _page(self, url: str | None) -> None:
-        if not url or self._page_told:
+        if not url or url == self._page_url:
             return
-        self._page_told = True
+        self._page_url = url
         for tell in (self._note.page_is, self._options.on_page):
             if tell is not None:
                 tell(url)

@@ -18,12 +18,13 @@ from heel.services.run.collector import CONSUMER, Collector
 from heel.services.run.options import RunOptions
 from heel.services.run.outputs import RunOutputs
 from heel.services.run.progress import RunProgress
+from heel.services.run.revival import Revival
 from heel.services.run.silence import HUNG_S, Silences
 from heel.services.run.summary import RunSummary
 from heel.services.runtime import process
 from heel.services.runtime.inbox import Inbox
 from heel.services.runtime.logs import OncePerSecond
-from heel.services.runtime.registry import registered
+from heel.services.runtime.registry import Registration, registered
 from heel.services.runtime.router import open_private_router
 
 _STALL_TIMEOUT_S = 60.0
@@ -50,6 +51,12 @@ class DistributedRun:
         self._log = log
         self._failure: HeelError | None = None
         self._capture: Child | None = None
+        self._note: Registration | None = None
+        lossless = options.delivery == "lossless"
+        # A recording cannot be gone on with from where a capture that died was.
+        revived = () if lossless else tuple(one for one in self._parts() if one != "capture")
+        self._silences = Silences(HUNG_S, *set(self._parts()).difference(revived, ("web",)))
+        self._revival = Revival(revived, log)
         self.summary = RunSummary(mode=options.delivery)
 
     def run(self) -> RunSummary:
@@ -68,7 +75,7 @@ class DistributedRun:
             )
             inbox = stack.enter_context(Inbox(session))
             warn = OncePerSecond(self._log)
-            note = stack.enter_context(
+            self._note = note = stack.enter_context(
                 registered(
                     "run", self._played(), endpoint, self._parts(), self._log, self._options.robot
                 )
@@ -76,7 +83,7 @@ class DistributedRun:
             collector = Collector(session, inbox, self._options, outputs, self.summary, warn, note)
             children = stack.enter_context(Children(lambda: outputs.log_folder))
             self._start(session, endpoint, children)
-            note.processes_are(children.pids(), outputs.log_folder)
+            note.processes_are(children.pids(), children.logs)
             progress = stack.enter_context(RunProgress(self._options.progress))
             process.spare_from_collection()
             self._collect(inbox, collector, children, progress)
@@ -130,9 +137,12 @@ class DistributedRun:
                     f"nothing tracked for {_STALL_TIMEOUT_S:g} s by the detector and the tracker"
                     f"{children.last_words('detector') or children.last_words('tracker')}"
                 )
-            if (hung := collector.silences.look(now_s)) is not None and not children.over(hung):
+            failure = children.failure()
+            if self._revive(collector, children, now_s):
+                continue
+            if (hung := self._silences.look(now_s)) is not None and not children.over(hung):
                 raise HeelError(f"{hung} is silent for {HUNG_S:g} s: it hangs or was stopped")
-            if children.failure() is not None:
+            if failure is not None:
                 # What it had sent may still be on its way through the others.
                 until_s = min(until_s, now_s + _LAST_WORDS_S)
             self._check_order(children, now_s)
@@ -145,6 +155,19 @@ class DistributedRun:
             raise self._failure
         if collector.ended:
             self._check_nothing_lost()
+
+    def _revive(self, collector: Collector, children: Children, now_s: float) -> bool:
+        """Start again what died or hangs, while there is a stream; True if anything did."""
+        while collector.health:
+            health, arrived_s = collector.health.popleft()
+            self._silences.heard(health.service, arrived_s)
+            self._revival.heard(health, arrived_s)
+        if self._capture is None or self._capture.over or not self._revival.look(children, now_s):
+            return False
+        self.summary.restarts = dict(self._revival.counts)
+        if self._note is not None:
+            self._note.processes_are(children.pids(), children.logs)
+        return True
 
     def _over(self, collector: Collector) -> bool:
         """Whether the stream has ended: tracks and commands announce it, and capture is gone."""

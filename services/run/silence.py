@@ -30,6 +30,10 @@ class Silences:
         if name in self._names:
             self._heard_s[name] = now_s
 
+    def forget(self, name: str) -> None:
+        """A service begins anew: nothing is expected before its first message."""
+        self._heard_s.pop(name, None)
+
     def look(self, now_s: float) -> str | None:
         """The service that has been silent for longest, if for too long; call it often."""
         if self._looked_s is not None and (nap_s := now_s - self._looked_s) > _NAP_S:

@@ -100,6 +100,8 @@ class RunSummary:
     missing: dict[str, int] = field(default_factory=dict)
     """Frames that did not reach each service, by the gaps in its input."""
     malformed: dict[str, int] = field(default_factory=dict)
+    restarts: dict[str, int] = field(default_factory=dict)
+    """How often each service had to be started again."""
     cpu_s: dict[str, float] = field(default_factory=dict)
     peak_rss_mb: dict[str, float] = field(default_factory=dict)
     ages_ms: dict[str, list[float]] = field(default_factory=dict)
@@ -140,6 +142,7 @@ class RunSummary:
             "commands": self.commands,
             "dropped": self.dropped(),
             "malformed": self.malformed,
+            "restarts": self.restarts,
             "wall_s": round(self.wall_s, 3),
             "fps": round(self.tracked / self.wall_s, 2) if self.wall_s > 0 else 0.0,
             "age_ms": {hop: percentiles(ages) for hop, ages in self.ages_ms.items()},
@@ -170,6 +173,9 @@ def print_summary(summary: RunSummary, where: str) -> None:
     lost = {name: count for name, count in summary.dropped().items() if count}
     if lost:
         console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in lost.items()))
+    if summary.restarts:
+        again = ", ".join(f"{name} {count} times" for name, count in summary.restarts.items())
+        console.print(f"started again: {again}: these figures are those of a run with faults")
     for hop, ages in summary.ages_ms.items():
         p = percentiles(ages)
         console.print(f"age at {hop}: median {p['median']:.1f} ms, p99 {p['p99']:.1f} ms")

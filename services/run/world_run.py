@@ -31,6 +31,7 @@ from heel.schemas import (
 )
 from heel.services.run.children import Children, await_present
 from heel.services.run.onlooker import Onlooker, Recorder
+from heel.services.run.revival import Revival
 from heel.services.run.silence import HUNG_S, Silences
 from heel.services.runtime import qos
 from heel.services.runtime.chain import page_of
@@ -82,6 +83,7 @@ class WorldOptions:
         ends_at_contact: end when the robot touches a person.
         page: the live page; None for none.
         truth: file for the truth of every frame, 2 GB a day; None for none.
+        revives: start a service again that dies or hangs; else the run ends with it.
         config: settings file of the services.
         detector_flags: flags of the detector process, which runs for pixels only.
     """
@@ -97,6 +99,7 @@ class WorldOptions:
     truth: Path | None = None
     config: Path | None = None
     detector_flags: tuple[str, ...] = ()
+    revives: bool = False
 
     @property
     def services(self) -> tuple[str, ...]:
@@ -125,10 +128,12 @@ class WorldRun:
         self._recorder = recorder
         self._note: Registration | None = None
         self._warn = OncePerSecond(log)
-        self._page_told = False
+        self._page = ""
         self._t_s = 0.0
         self._touched = False
-        self._silences = Silences(HUNG_S, "simulator", *options.services)
+        revived = options.services if options.revives else ()
+        self._silences = Silences(HUNG_S, "simulator", *set(options.services).difference(revived))
+        self._revival = Revival(revived, log)
 
     def run(self) -> None:
         """Run until the end of the episode or of the wanted time, or until `stop` is set.
@@ -151,8 +156,7 @@ class WorldRun:
                     )
                 )  # fmt: skip
             self._start(session, endpoint, children)
-            if self._note is not None:
-                self._note.processes_are(children.pids(), o.logs)
+            self._tell_processes(children)
             self._look_on(inbox, children, Onlooker(self._recorder, partial(_click, session)))
 
     def _subscribe(self, inbox: Inbox) -> None:
@@ -230,11 +234,14 @@ class WorldRun:
         """Check that all services run and send; only the simulator may end, with its episode.
 
         Raises:
-            HeelError: one ended or hangs.
+            HeelError: one ended or hangs, and is not started again.
         """
-        if (failure := children.failure()) is not None:
+        failure, early = children.failure(), children.ended("simulator")
+        if self._revival.look(children, time.monotonic()):
+            return self._tell_processes(children)
+        if failure is not None:
             raise failure
-        if (early := children.ended("simulator")) is not None:
+        if early is not None:
             raise HeelError(f"{early} ended, and the run with it{children.last_words(early)}")
         hung = self._silences.look(time.monotonic())
         if hung is not None and not children.over(hung):
@@ -255,16 +262,21 @@ class WorldRun:
         elif arrival.topic == "health":
             health = decode(Health, payload, encoding)
             self._silences.heard(health.service, arrival.arrived_s)
+            self._revival.heard(health, arrival.arrived_s)
             self._tell_page(page_of(health))
         elif encoding != EndOfStream.encoding():
             # The end is that of the simulator's process, a child of this one, and no message's.
             onlooker.tracks(decode(Tracks, payload, encoding))
 
+    def _tell_processes(self, children: Children) -> None:
+        if self._note is not None:
+            self._note.processes_are(children.pids(), children.logs)
+
     def _tell_page(self, url: str | None) -> None:
         page = self._options.page
-        if not url or self._page_told or page is None:
+        if not url or url == self._page or page is None:
             return
-        self._page_told = True
+        self._page = url
         if self._note is not None:
             self._note.page_is(url)
         if page.on_page is not None:

@@ -31,7 +31,7 @@ class HealthReporter(threading.Thread):
 
     Args:
         presence: tells whether the bus is there, and the other parts of the chain.
-        notifier: lets `systemctl status` show the state.
+        notifier: lets `systemctl status` show the state, and is told that the process lives.
     """
 
     def __init__(
@@ -69,6 +69,8 @@ class HealthReporter(threading.Thread):
         while not self._finishing.wait(PERIOD_S):
             if self._memory is not None:
                 self._memory.look(time.monotonic())
+            if self._notifier is not None:
+                self._notifier.beside(time.monotonic())
             self._send(self.compose(time.monotonic()))
 
     def finish(self) -> None:

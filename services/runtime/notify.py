@@ -15,21 +15,33 @@ from contextlib import suppress
 _SHARE = 0.25
 """Of the watchdog's time between two signs of life: systemd's manual asks for half of it at most;
 chosen by hand."""
+_LONGEST_TURN_S = 8.0
+"""Longest turn [s] of a loop that does not hang: a busy machine has held up services that work on
+pictures for so long."""
+_LONGEST_CHEAP_TURN_S = 2.0
+"""The same of loops without pictures, which take milliseconds; chosen by hand."""
+_CHEAP = ("router", "follower", "drive")
 
 
 class Notifier:
     """Speaks to the systemd that started this process.
 
-    The watchdog is fed by the loop that does the work and by no thread of its own: a loop that
-    hangs is to be seen.
+    The watchdog tells two things by its one signal. A process that is frozen is silent at once. A
+    loop that hangs is silent after its longest turn: until then a thread beside it speaks for it,
+    so that the watchdog's time may be shorter than a turn on a busy machine.
 
     Args:
         environment: where systemd leaves its address and the watchdog's time.
         log: told once if the address cannot be spoken to.
+        service: kind of process, which tells how long a turn may take.
     """
 
-    def __init__(self, environment: Mapping[str, str], log: logging.Logger) -> None:
+    def __init__(
+        self, environment: Mapping[str, str], log: logging.Logger, service: str = ""
+    ) -> None:
         self._log = log
+        self._turn_s = _LONGEST_CHEAP_TURN_S if service in _CHEAP else _LONGEST_TURN_S
+        self._came_round_s: float | None = None
         address = environment.get("NOTIFY_SOCKET", "")
         # @ stands for the zero byte of Linux's abstract addresses.
         self._address = f"\0{address[1:]}" if address.startswith("@") else address
@@ -43,6 +55,14 @@ class Notifier:
 
     def alive(self, now_s: float) -> None:
         """The loop came round; passed on as often as the watchdog needs it."""
+        self._came_round_s = now_s
+        self.beside(now_s)
+
+    def beside(self, now_s: float) -> None:
+        """From a thread beside the loop: the process lives, and its loop did a moment ago."""
+        came_s = self._came_round_s
+        if came_s is None or now_s - came_s > self._turn_s:
+            return
         if self._period_s and now_s >= self._due_s:
             self._due_s = now_s + self._period_s
             self._send("WATCHDOG=1")

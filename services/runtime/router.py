@@ -65,8 +65,9 @@ _SMALL_QUERIES = {
     "size_limit": 1 << 16,
 }  # fmt: skip
 """Zenoh keeps up to 256 queries for the one that answers them; ours have less than 4 kB."""
-_SWEEP_PERIOD_S = 1.0
-"""Seconds between two looks for memory that dead processes left; chosen by hand."""
+_SWEEP_PERIOD_S = 0.5
+"""Seconds between two looks for memory that dead processes left, and two signs of life; a quarter
+of the time that `heel systemd` gives the watchdog."""
 
 
 class RouterSettings(StrictSettings):
@@ -308,7 +309,7 @@ def _serve(settings: RouterSettings, log: logging.Logger, stop: threading.Event)
     if settings.shared_memory and may_lock_memory() and (reason := why_no_shared_memory()):
         log.warning("no shared memory: %s; using sockets", reason)
         settings = settings.model_copy(update={"shared_memory": False})
-    sweeper, notifier = Sweeper(), Notifier(os.environ, log)
+    sweeper, notifier = Sweeper(), Notifier(os.environ, log, "router")
     with open_router(settings):
         log.info("router listens on %s", ", ".join(settings.listen))
         notifier.ready()

@@ -255,7 +255,7 @@ def _serve(
 ) -> None:
     settings = loaded.service
     statistics = ServiceStatistics()
-    notifier = Notifier(os.environ, log)
+    notifier = Notifier(os.environ, log, name)
     producer = f"{name}/{settings.instance}@{secrets.token_hex(4)}"
     with ExitStack() as stack:
         answer_config(stack, session, name, settings.instance, loaded)

@@ -29,9 +29,10 @@ def main(context):
             threading.Event().wait(60)
 
 loaded = load_settings("tracker", ServiceSettings, {"zenoh": {"connect": sys.argv[1]}})
-run_service("tracker", loaded, main)
+run_service("drive", loaded, main)
 """
-"""A service whose loop hangs after two seconds; its other threads go on."""
+"""A service whose loop hangs after two seconds; its other threads go on. It calls itself a drive,
+whose turns may take no longer than two seconds more."""
 
 
 class Systemd:

@@ -94,3 +94,22 @@ def test_without_systemd_nothing_is_sent() -> None:
     notifier = Notifier({}, LOG)
     notifier.ready()
     notifier.alive(1.0)
+
+
+@pytest.mark.parametrize(("service", "longest_s"), [("drive", 2.0), ("detector", 8.0)])
+def test_a_thread_beside_speaks_for_a_loop_no_longer_than_its_longest_turn(
+    systemd: socket.socket, service: str, longest_s: float
+) -> None:
+    """Else a loop that hangs is never seen, or a busy one is killed."""
+    environment = {"NOTIFY_SOCKET": systemd.getsockname(), "WATCHDOG_USEC": "2000000"}
+    notifier = Notifier(environment, LOG, service)
+    notifier.beside(50.0)
+    assert told(systemd) == [], "the loop has yet to come round once"
+    notifier.alive(100.0)
+    assert told(systemd) == ["WATCHDOG=1"]
+    notifier.beside(100.0 + longest_s - 0.1)
+    assert told(systemd) == ["WATCHDOG=1"]
+    notifier.beside(100.0 + longest_s + 0.1)
+    assert told(systemd) == []
+    notifier.alive(100.0 + longest_s + 0.2)
+    assert told(systemd) == ["WATCHDOG=1"]
