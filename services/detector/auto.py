@@ -14,6 +14,8 @@ from heel.services.detector.background.foreground import MovingForeground, Stand
 from heel.services.detector.feedback import free_mask
 from heel.services.detector.interface import Frame
 from heel.services.detector.pointed.detector import PointedAt, people_message
+from heel.services.detector.pointed.proof import Proof
+from heel.services.detector.pointed.state import PointedState, read, write
 from heel.services.detector.scene import Scene, Scenes, WorkSize
 from heel.services.detector.settings import DetectorSettings
 from heel.services.geometry.picture_motion import MotionEstimate, RestWatch, StandingWatch
@@ -49,6 +51,27 @@ class AutoDetector:
             return self._background.detect(frame)
         sighting, motion = scene.state.look(smooth, frame.id.t_capture_ns)
         return people_message(frame, scene.size, sighting, motion, scene.state.count)
+
+    def snapshot(self) -> bytes:
+        """The person pointed at, as `restore` takes it; the background is learned anew."""
+        scene = self._scenes.current
+        state = PointedState(None, None, Proof(), False, 0)
+        if scene is not None:
+            state = scene.state.state(scene.key)
+        return write(state, self._fingerprint())
+
+    def restore(self, snapshot: bytes) -> None:
+        """Look for the person that a detector with the same settings has looked for.
+
+        Raises:
+            StateError: it is no such snapshot; nothing has changed then.
+        """
+        state = read(snapshot, self._fingerprint())
+        if state.key is not None:
+            self._scenes.resume(state.key, PointedAt.resumed(state))
+
+    def _fingerprint(self) -> str:
+        return repr([self._settings.work_width_px, self._settings.blur_px])
 
     def _point(self, scene: Scene[PointedAt], smooth: NDArray[np.uint8], pointed: Pointed) -> None:
         of = (pointed.frame.stream, pointed.frame.epoch, pointed.width, pointed.height)

@@ -7,11 +7,17 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.schemas import Blobs, FrameId, Pointed, SettingsError, Tracks
+from heel.schemas import Blobs, FrameId, HeelError, Pointed, SettingsError, Tracks
 from heel.services.detector.auto import AutoDetector
 from heel.services.detector.background.detector import BackgroundDetector
 from heel.services.detector.background.foreground import MovingForeground, StandingForeground
-from heel.services.detector.interface import Frame, FrameDetector, added_detector, added_names
+from heel.services.detector.interface import (
+    Frame,
+    FrameDetector,
+    KeepsState,
+    added_detector,
+    added_names,
+)
 from heel.services.detector.mog2 import Mog2Foreground
 from heel.services.detector.neural.detector import NeuralDetector
 from heel.services.detector.settings import BUILT_IN, DetectorSettings
@@ -62,6 +68,23 @@ class Detector:
             pointed: where a user pointed, since the frame before, at a person without a track.
         """
         return self._detector.detect(Frame(frame, image, source_size, feedback, pointed))
+
+    def snapshot(self) -> bytes | None:
+        """What another detector with the same settings can go on from; None: it begins anew.
+
+        It is the person pointed at that is kept. Networks keep nothing, backgrounds are learned.
+        """
+        return self._detector.snapshot() if isinstance(self._detector, KeepsState) else None
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go on from a snapshot, a moment later.
+
+        Raises:
+            HeelError: it is none of this detector; nothing has changed then.
+        """
+        if not isinstance(self._detector, KeepsState):
+            raise HeelError(f"detector {self.settings.method} keeps no state: it begins anew")
+        self._detector.restore(snapshot)
 
 
 def _made(settings: DetectorSettings, clock: Callable[[], float] | None) -> FrameDetector:

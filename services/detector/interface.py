@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,23 @@ class FrameDetector(Protocol):
 
     def detect(self, frame: Frame) -> Blobs:
         """The blobs of one frame; a new stream, epoch or size starts over."""
+        ...
+
+
+@runtime_checkable
+class KeepsState(Protocol):
+    """A detector that another process can go on from; one of your own may be one."""
+
+    def snapshot(self) -> bytes:
+        """What the search rests on, for `restore`; 1 MiB at most."""
+        ...
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go on from a snapshot of a detector with the same settings.
+
+        Raises:
+            HeelError: it is none; nothing has changed then.
+        """
         ...
 
 

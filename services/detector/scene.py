@@ -124,6 +124,16 @@ class Scenes(Generic[T]):
         self._begin = begin
         self._scene: Scene[T] | None = None
 
+    @property
+    def current(self) -> Scene[T] | None:
+        """The scene of the newest frame; None before the first."""
+        return self._scene
+
+    def resume(self, key: SceneKey, state: T) -> None:
+        """Go on in a scene of which another process has learned so much."""
+        size = WorkSize.of_frame(key.width, key.height, self._work_width_px)
+        self._scene = Scene(key, size, state, "resumed")
+
     def of(self, key: SceneKey) -> Scene[T]:
         """The scene of this key."""
         if self._scene is None or key != self._scene.key:

@@ -14,8 +14,10 @@ from heel.schemas import (
     EndOfStream,
     FrameId,
     Header,
+    HeelError,
     MessageError,
     Pointed,
+    Snapshot,
     Tracks,
     decode,
     keys,
@@ -29,6 +31,7 @@ from heel.services.runtime.chain import STANDBY
 from heel.services.runtime.inbox import Arrival
 from heel.services.runtime.service import ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
+from heel.services.runtime.state_file import StateFile
 from heel.services.runtime.streams import StreamJudge
 from heel.services.runtime.succession import Line, StandingBy, Succession
 
@@ -111,7 +114,11 @@ class DetectorService:
         self._out = context.publisher(keys.blobs(camera), qos.BLOBS)
         self._others: StreamJudge | None = None
         self._succession: Succession | None = None
+        self._file: StateFile | None = None
+        self._resumed = False
         if live:
+            name = f"detector-{context.robot}-{camera}-{context.settings.instance}"
+            self._file = StateFile(name, resources, context.log)
             self._succession = Succession(
                 context.session, self._out, keys.blobs(camera),
                 ("detector", camera, context.producer), resources, context.log,
@@ -125,6 +132,8 @@ class DetectorService:
             self._lead()
             return
         stands_by, line = context.settings.standby, None
+        if not stands_by:
+            self._take_up()
         while context.running:
             if stands_by:
                 with ExitStack() as standing_by:
@@ -145,6 +154,7 @@ class DetectorService:
         context, succession = self._context, self._succession
         goes_on = None if succession is None else self._may_send
         for arrival in context.arrivals(self._images, self._out, goes_on):
+            failed = context.statistics.failed
             with context.surviving("detecting"):
                 started_s = time.monotonic()
                 found = self._found(arrival)
@@ -154,9 +164,38 @@ class DetectorService:
                     return False
                 successor = None if succession is None else succession.successor()
                 self._send(found, started_s, successor)
+                self._keep_state(found.blobs)
                 if successor is not None:
                     return False
+            if self._resumed and context.statistics.failed > failed:
+                self._resumed = False
+                context.log.warning("the state that was left cannot be worked with: beginning anew")
+                self._detector = Detector(self._settings, time.monotonic)
         return not context.running or self._may_send()
+
+    def _take_up(self) -> None:
+        """Go on from what a detector has left that ended a moment ago."""
+        left = None if self._file is None else self._file.load()
+        if left is None:
+            return
+        try:
+            self._detector.restore(left.state)
+        except HeelError as error:
+            self._context.log.warning("%s", error)
+            return
+        self._resumed = True
+        self._context.log.info("going on with what %s has left", left.producer)
+
+    def _keep_state(self, newest: Blobs) -> None:
+        now_s = time.monotonic()
+        if self._file is None or self._succession is None or not self._file.is_due(now_s):
+            return
+        if (state := self._detector.snapshot()) is not None:
+            line = self._succession.line
+            self._file.write(
+                Snapshot(service="detector", producer=self._context.producer, line=line.began,
+                         turn=line.turn, frame=newest.frame_id(), state=state), now_s,
+            )  # fmt: skip
 
     def _stand_by(self, resources: ExitStack) -> Line | None:
         """Learn the same pictures until it is time to take over; the line to go on with."""

@@ -15,7 +15,8 @@ from heel.services.detector.messages import blobs_message, person_blobs
 from heel.services.detector.pointed.finding import looks_upright, most_contrast, outline_box
 from heel.services.detector.pointed.person import PointedPerson, Sighting
 from heel.services.detector.pointed.proof import Proof
-from heel.services.detector.scene import WorkSize
+from heel.services.detector.pointed.state import PointedState
+from heel.services.detector.scene import SceneKey, WorkSize
 from heel.services.geometry.picture_motion import EgoMotion, MotionEstimate
 
 NAME = "pointed"
@@ -44,6 +45,20 @@ class PointedAt:
         self._pending_s = 0.0
         self._ego = EgoMotion()
         self._last_ns: int | None = None
+
+    @classmethod
+    def resumed(cls, state: PointedState) -> PointedAt:
+        """Go on after a gap; the person has to be found again in the whole picture."""
+        made = cls()
+        made.count, made._person = state.count, state.person
+        made._proof, made._shown = state.proof, state.shown
+        if made._person is not None:
+            made._person.interrupt()
+        return made
+
+    def state(self, scene: SceneKey) -> PointedState:
+        """What `resumed` goes on from, in pictures of this scene."""
+        return PointedState(tuple(scene), self._person, self._proof, self._shown, self.count)
 
     @property
     def is_looking(self) -> bool:

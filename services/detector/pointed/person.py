@@ -87,6 +87,7 @@ class PointedPerson:
     def __init__(self, box: BoxXyxy, rows: int) -> None:
         """Begin with a box, and pictures of so many rows, working pixels."""
         self._x, self._y = boxes.centre(box)
+        self._expected_x = self._x
         self._height = boxes.height(box)
         self._stance = Stance(rows, box[1], box[3])
         self._exposure = Exposure()
@@ -103,6 +104,11 @@ class PointedPerson:
     def box_xyxy(self) -> BoxXyxy:
         """Where the person should be, working pixels."""
         return boxes.around((self._x, self._y), ASPECT * self._height, self._height)
+
+    def interrupt(self) -> None:
+        """Time has passed in which nobody looked: the person may be anywhere in the picture."""
+        self.missed_s = max(self.missed_s, 2.0 * _LOST_S)
+        self._speed_px_s = self._growth = 0.0
 
     def look(self, image: NDArray[np.uint8], camera: Affine, dt_s: float) -> Sighting | None:
         """Where the person is in the next frame; None if it is not seen.

@@ -1,0 +1,394 @@
+"""Every service is killed and frozen while the robot follows somebody, and comes back by itself.
+
+The simulated robot follows a person through real processes: rendered pixels, detector, tracker,
+follower, drive and page. At a random moment a process gets SIGKILL, or SIGSTOP and never SIGCONT.
+Nobody does anything about it but what keeps the processes: for *units* what `heel systemd` writes,
+carried out word for word by `benchmarks.operating.units`; for *demo* `heel demo` itself.
+
+A trial has recovered once a new process of the service is there and the robot follows the chosen
+person again; the page, once it answers again while the robot follows. Times are from the fault.
+
+Example run: python -m benchmarks.faults --trials 20 --write docs/records/faults.md
+"""
+
+from __future__ import annotations
+
+import fcntl
+import itertools
+import math
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal, Protocol
+
+import numpy as np
+import typer
+
+from benchmarks.common import NAMED_NETWORKS, REPOSITORY, publish, wait_for
+from benchmarks.operating.units import InitSystem
+from benchmarks.operating.watch import Moment, Watch, fastest_mps
+from heel.schemas import HeelError
+from heel.services.drive.settings import DriveSettings
+from heel.services.run.children import start_python
+from heel.services.runtime.command_line import run_app
+from heel.services.runtime.places import VARIABLE
+from heel.services.runtime.registry import runs
+from heel.services.runtime.shared_memory import SHARED_MEMORY
+from heel.services.simulator.scenarios import scenario
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+Kept = Literal["units", "demo"]
+FAULTS = {"SIGKILL": signal.SIGKILL, "SIGSTOP": signal.SIGSTOP}
+SERVICES: dict[Kept, tuple[str, ...]] = {
+    "units": ("router", "detector", "tracker", "follower", "drive", "web"),
+    "demo": ("detector", "tracker", "follower", "drive", "web"),
+}
+"""In `heel demo` the router is the run's own process: the run ends with it."""
+_CHAIN = ("detector", "tracker", "follower", "drive", "web")
+GOAL_S = 5.0
+"""The goal of a recovery."""
+_GIVEN_UP_S = 20.0
+"""Seconds after which a trial counts as not recovered."""
+_START_S = 90.0
+"""Longest wait [s] for a robot that follows, also on a busy machine."""
+_STEADY_S = 1.0
+"""For so long the robot follows before a fault; chosen by hand."""
+_MOMENTS_S = 1.5
+"""Faults come at a random moment within so many seconds; chosen by hand: frames, beats of the
+watchdog and states on disk come once a second at least."""
+_LEFT_S = 14.0
+"""An episode that ends sooner than this begins no trial: with another world another person is
+chosen. Chosen by hand."""
+_STANDS_S = DriveSettings().ttl_s + 0.5
+"""Seconds after a fault from which on the robot has to stand: the drive's own time, and a while for
+the simulated robot to roll on; chosen by hand."""
+_LOOK_S = 0.02
+_TAG = "HEEL_FAULTS_OF"
+
+
+class Robot(Protocol):
+    """One whose processes are kept by something."""
+
+    endpoint: str
+    truth: Path
+
+    def pid(self, service: str) -> int | None:
+        """Process number of a service."""
+
+    def forgive(self) -> None:
+        """Faults come in quick succession here: do not count them as one service's failure."""
+
+
+class Units:
+    """A robot kept by what `heel systemd` writes; its world is a process beside it."""
+
+    def __init__(self, folder: Path, scene: tuple[str, int], environment: dict[str, str],
+                 stack: ExitStack) -> None:  # fmt: skip
+        port = _free_port()
+        self.endpoint, self.truth = f"tcp/127.0.0.1:{port}", folder / "truth.jsonl"
+        environment = environment | {
+            "HEEL_ZENOH__CONNECT": self.endpoint, "HEEL_ROUTER__LISTEN": self.endpoint,
+            "HEEL_DRIVE__DRIVER": "simulated", "HEEL_WEB__PORT": str(_free_port()),
+        }  # fmt: skip
+        self._init = stack.enter_context(InitSystem(_CHAIN, folder, environment))
+        self.pid, self.forgive = self._init.pid, self._init.forgive
+        with (folder / "simulator.log").open("ab") as log:
+            world = start_python(
+                ("-m", "heel.services.simulator", scene[0], "--seed", str(scene[1]), "--loop",
+                 "--truth", str(self.truth)), log, environment,
+            )  # fmt: skip
+        stack.callback(_end, world)
+
+
+class Demo:
+    """A robot kept by `heel demo`."""
+
+    def __init__(self, folder: Path, scene: tuple[str, int], environment: dict[str, str],
+                 stack: ExitStack) -> None:  # fmt: skip
+        self.truth = folder / "truth.jsonl"
+        with (folder / "demo.log").open("ab") as log:
+            process = start_python(
+                ("-m", "heel", "demo", "--scenario", scene[0], "--seed", str(scene[1]), "--port",
+                 "0", "--no-browser", "--seconds", "100000", "--out", str(folder)),
+                log, environment,
+            )  # fmt: skip
+        stack.callback(_end, process)
+        wait_for(lambda: runs() and runs()[0].pids, _START_S, f"no demo (see {folder})")
+        self.endpoint = runs()[0].endpoint
+
+    def pid(self, service: str) -> int | None:
+        """As `Robot.pid`; the note may name a process that has just ended."""
+        found = next((run.pids.get(service) for run in runs()), None)
+        return found if found is not None and Path(f"/proc/{found}").exists() else None
+
+    def forgive(self) -> None:
+        """The demo counts: trials of one service take longer than its minute allows for five."""
+
+
+@dataclass
+class Row:
+    """Trials of one service and one fault."""
+
+    kept: Kept
+    service: str
+    fault: str
+    seconds: list[float] = field(default_factory=list)
+    """From each fault to the recovery; infinite if there was none."""
+    fastest_mps: list[float] = field(default_factory=list)
+    same: int = 0
+    asked: int = 0
+    wrong: int = 0
+    orphans: int = 0
+    left: int = 0
+
+    def cells(self) -> str:
+        """A row of the table."""
+        done = [one for one in self.seconds if math.isfinite(one)]
+        in_time = sum(one <= GOAL_S for one in done)
+        middle, most = (f"{np.median(done):.1f}", f"{max(done):.1f}") if done else ("-", "-")
+        speed = f"{max(self.fastest_mps):.2f}" if self.fastest_mps else "drives on"
+        return (
+            f"| {self.kept} | {self.service} | {self.fault} | {len(self.seconds)} | {len(done)} "
+            f"| {in_time} | {middle} | {most} | {speed} | {self.same} | {self.asked} "
+            f"| {self.wrong} | {self.orphans} | {self.left} |"
+        )
+
+
+HEAD = (
+    "| kept by | service | fault | trials | recovered | within 5 s | s, median | max "
+    "| m/s while out | same id | asked | wrong person | orphans | left in /dev/shm |\n"
+    "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
+)
+
+
+class Bench:
+    """One robot, one watch, and the trials on it."""
+
+    def __init__(self, robot: Robot, watch: Watch, scene: tuple[str, int], told: bool) -> None:
+        self._robot, self._watch = robot, watch
+        self._scene, self._told = scene, told
+
+    def trial(self, row: Row, wait_s: float) -> None:
+        """One fault, after a wait of so many seconds."""
+        self._await_following(time.monotonic())
+        time.sleep(wait_s)
+        watch, service = self._watch, row.service
+        before = self._await_following(time.monotonic() - _STEADY_S)
+        pid = wait_for(lambda: self._robot.pid(service), _START_S, f"no {service}")
+        process = watch.producers.get(service, ("", 0.0))[0]
+        self._robot.forgive()
+        at_s, t_s = time.monotonic(), before.t_s + time.monotonic() - before.at_s
+        os.kill(pid, FAULTS[row.fault])
+        back = None
+        while back is None and time.monotonic() - at_s < _GIVEN_UP_S:
+            time.sleep(_LOOK_S)
+            back = self._recovered(service, pid, process, at_s)
+        row.seconds.append(math.inf if back is None else back - at_s)
+        self._judge(row, before, at_s, t_s, back)
+        if self._told:
+            typer.echo(f"{row.seconds[-1]:.2f} s: {self._timeline(at_s)}", err=True)
+        if back is None:
+            raise HeelError(f"{row.service} has not recovered from {row.fault}")
+
+    def _judge(self, row: Row, before: Moment, at_s: float, t_s: float, back: float | None) -> None:
+        seen = self._watch.since(at_s)
+        row.wrong += any(one.role not in (None, "target") for one in seen)
+        asked = any(one.asks for one in seen)
+        row.asked += asked
+        row.same += bool(seen) and not asked and seen[-1].target_id == before.target_id
+        out_s = (time.monotonic() if back is None else back) - at_s
+        if row.service != "web" and out_s > _STANDS_S:
+            fastest = fastest_mps(self._robot.truth, t_s + _STANDS_S, t_s + out_s)
+            row.fastest_mps += [] if fastest is None else [fastest]
+
+    def _timeline(self, at_s: float) -> str:
+        """What was seen since a fault: seconds, state, whom by truth, speed, at every change."""
+        told, words = "", []
+        for one in self._watch.since(at_s):
+            now = f"{one.state} {one.role or '-'} id {one.target_id}{' asks' if one.asks else ''}"
+            if now != told:
+                told = now
+                words.append(f"{one.at_s - at_s:.2f} {now} {one.linear_mps:.2f} m/s")
+        starts = {name: f"{heard_s - at_s:.2f}" for name, (_, heard_s) in
+                  self._watch.producers.items() if heard_s > at_s}  # fmt: skip
+        return f"{'; '.join(words)}; up: {starts}"
+
+    def _recovered(self, service: str, pid: int, process: str, at_s: float) -> float | None:
+        """When the robot went on, if it has."""
+        watch = self._watch
+        if self._robot.pid(service) in (None, pid):
+            return None
+        since_s = at_s
+        if service == "web":
+            if not _answers(watch.page):
+                return None
+        elif service != "router":
+            producer, since_s = watch.producers.get(service, ("", 0.0))
+            if producer in ("", process):
+                return None
+            if service == "drive" and (watch.drive[0] != producer or watch.drive[1] != "driving"):
+                return None
+        else:
+            # What was heard before the router went away does not count.
+            heard = [one.at_s for one in watch.since(at_s)]
+            gaps = [later for sooner, later in itertools.pairwise(heard)
+                    if later - sooner > _STEADY_S / 2]  # fmt: skip
+            if not gaps:
+                return None
+            since_s = gaps[-1]
+        moments = watch.since(since_s)
+        following = bool(moments) and moments[-1].state == "following"
+        return time.monotonic() if following and moments[-1].role == "target" else None
+
+    def _await_following(self, since_s: float) -> Moment:
+        """The newest moment, once the robot has followed for a while in an episode that goes on."""
+        watch = self._watch
+
+        def steady() -> Moment | None:
+            now_s = time.monotonic()
+            seen = watch.since(max(since_s, now_s - _STEADY_S))
+            if not seen or seen[-1].at_s < now_s - 0.2 or now_s - since_s < _STEADY_S:
+                return None
+            name, seed = self._scene
+            world = scenario(name, seed + max(0, watch.episodes - 1)).scenario
+            if seen[-1].t_s > world.duration_s - _LEFT_S:
+                return None
+            good = all(one.state == "following" and one.role == "target" for one in seen)
+            return seen[-1] if good else None
+
+        found = wait_for(steady, _START_S, "the robot follows nobody")
+        assert found is not None
+        return found
+
+
+@contextmanager
+def bench(kept: Kept, scene: tuple[str, int], row: Row, told: bool) -> Iterator[Bench]:
+    """A robot that is about to follow; afterwards nothing of it may be left."""
+    before = set(SHARED_MEMORY.iterdir())
+    with tempfile.TemporaryDirectory(prefix="heel-faults-") as name:
+        folder = Path(name)
+        environment = {
+            key: value for key, value in os.environ.items() if not key.startswith("HEEL_")
+        }  # fmt: skip
+        environment |= NAMED_NETWORKS
+        environment |= {"PYTHONPATH": str(REPOSITORY), VARIABLE: name, _TAG: name}
+        os.environ[VARIABLE] = name
+        with ExitStack() as stack:
+            stack.callback(os.environ.pop, VARIABLE)
+            robot: Robot = (Units if kept == "units" else Demo)(folder, scene, environment, stack)
+            watch = stack.enter_context(Watch(robot.endpoint, clicks=kept == "units"))
+            try:
+                yield Bench(robot, watch, scene, told)
+            except HeelError:
+                _show_logs(folder)
+                raise
+        row.orphans += len(_tagged(name))
+        left = _left(before)
+        row.left += len(left)
+        if left:
+            typer.echo(f"left: {', '.join(str(one) for one in sorted(left))}", err=True)
+
+
+def _show_logs(folder: Path) -> None:
+    for log in sorted(folder.rglob("*.log")):
+        tail = log.read_text(errors="replace").splitlines()[-12:]
+        sys.stderr.write(f"--- {log.name}\n" + "".join(f"{line[:300]}\n" for line in tail))
+
+
+def _left(before: set[Path]) -> set[Path]:
+    """New files of Heel's and Zenoh's in shared memory that no living process holds."""
+    found = {path for path in SHARED_MEMORY.iterdir() if path.suffix in (".zenoh", ".ledger")}
+    return {path for path in found - before if not _held(path)}
+
+
+def _held(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, FileNotFoundError):
+        return True
+    return False
+
+
+def _tagged(name: str) -> list[int]:
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if f"{_TAG}={name}".encode() in (entry / "environ").read_bytes():
+                found.append(int(entry.name))
+    return found
+
+
+def _answers(page: str) -> bool:
+    try:
+        with urllib.request.urlopen(page, timeout=0.5) as reply:
+            return bool(reply.status == 200)
+    except (urllib.error.URLError, OSError, ValueError):
+        return False
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.terminate()
+    try:
+        process.wait(15.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@app.command()
+def main(
+    trials: Annotated[int, typer.Option(help="of each row", min=1)] = 20,
+    kept: Annotated[str, typer.Option(help="units, demo")] = "units,demo",
+    only: Annotated[str, typer.Option(help="services")] = "",
+    fault: Annotated[str, typer.Option(help="SIGKILL, SIGSTOP")] = "SIGKILL,SIGSTOP",
+    scene: Annotated[str, typer.Option(help="scenario of the world")] = "straight",
+    seed: Annotated[int, typer.Option(help="of the moments and of the first world")] = 1,
+    timeline: Annotated[bool, typer.Option(help="print what was seen in every trial")] = False,
+    write: Annotated[Path | None, typer.Option(help="page for the table", metavar="FILE")] = None,
+) -> None:
+    """Kill and freeze; prints a table."""
+    lines = [HEAD]
+    moments = random.Random(seed)
+    for by in SERVICES:
+        for service in SERVICES[by] if by in kept else ():
+            for kind in FAULTS if not only or service in only.split(",") else ():
+                if kind not in fault:
+                    continue
+                row = Row(by, service, kind)
+                _fill(row, trials, (scene, seed), moments, timeline)
+                lines.append(row.cells())
+                typer.echo(lines[-1], err=True)
+    publish("\n".join(lines) + "\n", write, "faults")
+
+
+def _fill(
+    row: Row, trials: int, scene: tuple[str, int], moments: random.Random, told: bool
+) -> None:
+    """All trials of a row; a robot that did not recover is started anew."""
+    while len(row.seconds) < trials:
+        with suppress(HeelError), bench(row.kept, scene, row, told) as made:
+            while len(row.seconds) < trials:
+                made.trial(row, moments.uniform(0.0, _MOMENTS_S))
+
+
+if __name__ == "__main__":
+    run_app(app)
