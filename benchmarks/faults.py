@@ -1,9 +1,11 @@
 """Every service is killed and frozen while the robot follows somebody, and comes back by itself.
 
-The simulated robot follows a person through real processes: rendered pixels, detector, tracker,
-follower, drive and page. At a random moment a process gets SIGKILL, or SIGSTOP and never SIGCONT.
-Nobody does anything about it but what keeps the processes: for *units* what `heel systemd` writes,
-carried out word for word by `benchmarks.operating.units`; for *demo* `heel demo` itself.
+The simulated robot follows a person through real processes: detector, tracker, follower, drive and
+page. Where the detector itself is killed it sees rendered pixels; else the simulator's own boxes
+stand for it, which leaves a small machine the time for everything else. At a random moment a
+process gets SIGKILL, or SIGSTOP and never SIGCONT. Nobody does anything about it but what keeps the
+processes: for *units* what `heel systemd` writes, carried out word for word by
+`benchmarks.operating.units`; for *demo* `heel demo` itself.
 
 A trial has recovered once a new process of the service is there and the robot follows the chosen
 person again; the page, once it answers again while the robot follows. Times are from the fault.
@@ -90,10 +92,24 @@ class Robot(Protocol):
         """Faults come in quick succession here: do not count them as one service's failure."""
 
 
+@dataclass(frozen=True)
+class Scene:
+    """Which world, by scenario and first seed, and whether people are seen in pixels."""
+
+    name: str
+    seed: int
+    pixels: bool
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Of who shows it."""
+        return "--perception", "pixels" if self.pixels else "simulated-boxes"
+
+
 class Units:
     """A robot kept by what `heel systemd` writes; its world is a process beside it."""
 
-    def __init__(self, folder: Path, scene: tuple[str, int], environment: dict[str, str],
+    def __init__(self, folder: Path, scene: Scene, environment: dict[str, str],
                  stack: ExitStack) -> None:  # fmt: skip
         port = _free_port()
         self.endpoint, self.truth = f"tcp/127.0.0.1:{port}", folder / "truth.jsonl"
@@ -101,12 +117,14 @@ class Units:
             "HEEL_ZENOH__CONNECT": self.endpoint, "HEEL_ROUTER__LISTEN": self.endpoint,
             "HEEL_DRIVE__DRIVER": "simulated", "HEEL_WEB__PORT": str(_free_port()),
         }  # fmt: skip
-        self._init = stack.enter_context(InitSystem(_CHAIN, folder, environment))
+        services = _CHAIN if scene.pixels else _CHAIN[1:]
+        self._init = stack.enter_context(InitSystem(services, folder, environment))
         self.pid, self.forgive = self._init.pid, self._init.forgive
         with (folder / "simulator.log").open("ab") as log:
             world = start_python(
-                ("-m", "heel.services.simulator", scene[0], "--seed", str(scene[1]), "--loop",
-                 "--truth", str(self.truth)), log, environment,
+                ("-m", "heel.services.simulator", scene.name, "--seed", str(scene.seed), "--loop",
+                 "--truth", str(self.truth), *scene.flags,
+                 *(() if scene.pixels else ("--no-pictures",))), log, environment,
             )  # fmt: skip
         stack.callback(_end, world)
 
@@ -114,13 +132,14 @@ class Units:
 class Demo:
     """A robot kept by `heel demo`."""
 
-    def __init__(self, folder: Path, scene: tuple[str, int], environment: dict[str, str],
+    def __init__(self, folder: Path, scene: Scene, environment: dict[str, str],
                  stack: ExitStack) -> None:  # fmt: skip
         self.truth = folder / "truth.jsonl"
         with (folder / "demo.log").open("ab") as log:
             process = start_python(
-                ("-m", "heel", "demo", "--scenario", scene[0], "--seed", str(scene[1]), "--port",
-                 "0", "--no-browser", "--seconds", "100000", "--out", str(folder)),
+                ("-m", "heel", "demo", "--scenario", scene.name, "--seed", str(scene.seed),
+                 "--port", "0", "--no-browser", "--seconds", "100000", "--out", str(folder),
+                 *scene.flags),
                 log, environment,
             )  # fmt: skip
         stack.callback(_end, process)
@@ -175,7 +194,7 @@ HEAD = (
 class Bench:
     """One robot, one watch, and the trials on it."""
 
-    def __init__(self, robot: Robot, watch: Watch, scene: tuple[str, int], told: bool) -> None:
+    def __init__(self, robot: Robot, watch: Watch, scene: Scene, told: bool) -> None:
         self._robot, self._watch = robot, watch
         self._scene, self._told = scene, told
 
@@ -260,8 +279,8 @@ class Bench:
             seen = watch.since(max(since_s, now_s - _STEADY_S))
             if not seen or seen[-1].at_s < now_s - 0.2 or now_s - since_s < _STEADY_S:
                 return None
-            name, seed = self._scene
-            world = scenario(name, seed + max(0, watch.episodes - 1)).scenario
+            seed = self._scene.seed + max(0, watch.episodes - 1)
+            world = scenario(self._scene.name, seed).scenario
             if seen[-1].t_s > world.duration_s - _LEFT_S:
                 return None
             good = all(one.state == "following" and one.role == "target" for one in seen)
@@ -273,7 +292,7 @@ class Bench:
 
 
 @contextmanager
-def bench(kept: Kept, scene: tuple[str, int], row: Row, told: bool) -> Iterator[Bench]:
+def bench(kept: Kept, scene: Scene, row: Row, told: bool) -> Iterator[Bench]:
     """A robot that is about to follow; afterwards nothing of it may be left."""
     before = set(SHARED_MEMORY.iterdir())
     with tempfile.TemporaryDirectory(prefix="heel-faults-") as name:
@@ -374,15 +393,13 @@ def main(
                 if kind not in fault:
                     continue
                 row = Row(by, service, kind)
-                _fill(row, trials, (scene, seed), moments, timeline)
+                _fill(row, trials, Scene(scene, seed, service == "detector"), moments, timeline)
                 lines.append(row.cells())
                 typer.echo(lines[-1], err=True)
     publish("\n".join(lines) + "\n", write, "faults")
 
 
-def _fill(
-    row: Row, trials: int, scene: tuple[str, int], moments: random.Random, told: bool
-) -> None:
+def _fill(row: Row, trials: int, scene: Scene, moments: random.Random, told: bool) -> None:
     """All trials of a row; a robot that did not recover is started anew."""
     while len(row.seconds) < trials:
         with suppress(HeelError), bench(row.kept, scene, row, told) as made:

@@ -38,11 +38,16 @@ class Revival:
         self._runs = Silences(_FROZEN_S, *services)
         self._starts: dict[str, deque[float]] = {name: deque() for name in services}
         self._looked_s = -math.inf
+        self._producers: dict[str, str] = {}
+        self._replaced: dict[str, str] = {}
         self.counts: dict[str, int] = {}
         """How often each service has been started again; those that never were are not in it."""
 
     def heard(self, health: Health, arrived_s: float) -> None:
         """Health of a service came; a loop that hangs is silent, whatever else is sent."""
+        if health.producer == self._replaced.get(health.service):
+            return  # sent before its end, and read after it
+        self._producers[health.service] = health.producer
         turn_s = 0.0 if health.state == "starting" else health.loop_age_s
         self._turns.heard(health.service, arrived_s - turn_s)
 
@@ -86,6 +91,7 @@ class Revival:
         self.counts[name] = self.counts.get(name, 0) + 1
         self._log.warning("%s %s: started again", name, why)
         children.start_again(name)
+        self._replaced[name] = self._producers.get(name, "")
         self._turns.forget(name)
         self._runs.forget(name)
         return True

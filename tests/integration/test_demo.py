@@ -109,15 +109,31 @@ def test_a_service_that_ends_in_order_ends_the_demo_with_its_name(tmp_path: Path
         assert "tracker ended" in lines[0]
 
 
-@pytest.mark.slow
-def test_a_service_that_hangs_ends_the_demo_with_its_name(tmp_path: Path) -> None:
+def test_services_that_are_killed_or_frozen_come_back_and_nothing_of_them_stays(
+    tmp_path: Path,
+) -> None:
     pytest.importorskip("panda3d", reason="the extra sim is not installed")
     with running(*BOXES, "--out", str(tmp_path)) as process:
-        _log_says(tmp_path, "simulator", "episode")
-        wait_until(lambda: (tmp_path / "truth.jsonl").stat().st_size > 50_000, "two seconds", 30.0)
-        os.kill(_pid_of(tmp_path, "follower"), signal.SIGSTOP)
-        assert process.wait(40.0) == 1
-        assert "follower is silent for 10 s" in process.stderr()
+        _log_says(tmp_path, "follower", "following")
+        killed, frozen = _pid_of(tmp_path, "tracker"), _pid_of(tmp_path, "follower")
+        os.kill(killed, signal.SIGKILL)
+        os.kill(frozen, signal.SIGSTOP)
+        log = tmp_path / "logs" / "follower.log"
+
+        def follows_again() -> bool:
+            lines = log.read_text().splitlines()
+            up = [k for k, line in enumerate(lines) if " is up" in line]
+            return len(up) == 2 and any('"following: ' in line for line in lines[up[1] :])
+
+        wait_until(follows_again, "the same person followed again", 30.0)
+        _log_says(tmp_path, "tracker", "going on with the people of tracker/main@")
+        _log_says(tmp_path, "follower", "kept over a restart of the follower")
+        assert process.alive
+        assert "tracker ended with code -9: started again" in process.stderr()
+        assert "follower is frozen for 1 s: started again" in process.stderr()
+        code, _ = process.stop(signal.SIGINT, 15.0)
+        assert code == 0, process.stderr()
+        assert not any(Path(f"/proc/{pid}").exists() for pid in (killed, frozen))
 
 
 def test_an_end_of_stream_from_a_stranger_ends_neither_the_demo_nor_a_service(

@@ -97,10 +97,10 @@ def test_live_run_of_a_recording_reports_ages_by_hop(tmp_path: Path) -> None:
 
 
 @contextmanager
-def endless_run(out: Path) -> Iterator[subprocess.Popen[str]]:
-    """A looped live run that has written its first tracks; killed on the way out."""
+def endless_run(out: Path, delivery: str = "--live") -> Iterator[subprocess.Popen[str]]:
+    """A looped run that has written its first tracks; killed on the way out."""
     run = subprocess.Popen(
-        [*HEEL, "run", SCENE, "--out", str(out), "--live", "--loop"],
+        [*HEEL, "run", SCENE, "--out", str(out), delivery, "--loop"],
         env={**os.environ, "HEEL_TEST_RUN": str(out)}, text=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL,
     )  # fmt: skip
@@ -128,8 +128,8 @@ def test_no_process_outlives_a_run_however_it_ends(tmp_path: Path, number: signa
         assert rows.endswith("\n"), "what was produced before is kept and readable"
 
 
-def test_a_killed_service_ends_the_run_with_its_name(tmp_path: Path) -> None:
-    with endless_run(tmp_path) as run:
+def test_a_killed_service_ends_a_lossless_run_with_its_name(tmp_path: Path) -> None:
+    with endless_run(tmp_path, "--lossless") as run:
         victim = next(
             pid
             for pid in processes_using(tmp_path)
