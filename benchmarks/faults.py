@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import fcntl
 import itertools
+import json
 import math
 import os
 import random
@@ -28,9 +29,10 @@ import tempfile
 import time
 import urllib.error
 import urllib.request
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Literal, Protocol
 
@@ -152,42 +154,78 @@ class Demo:
         return found if found is not None and Path(f"/proc/{found}").exists() else None
 
     def forgive(self) -> None:
-        """The demo counts: trials of one service take longer than its minute allows for five."""
+        """The demo counts, but every service has its turn before one comes again."""
 
 
-@dataclass
-class Row:
-    """Trials of one service and one fault."""
+@dataclass(frozen=True)
+class Trial:
+    """One fault and what became of it.
+
+    Attributes:
+        seconds: to the recovery; None if there was none.
+        fastest_mps: true speed while it had to stand; None where it need not, or was back before.
+        same: whether the target had the same id afterwards.
+        asked: whether the follower asked to choose again.
+        wrong: whether the robot acted upon anybody else.
+    """
 
     kept: Kept
     service: str
     fault: str
-    seconds: list[float] = field(default_factory=list)
-    """From each fault to the recovery; infinite if there was none."""
-    fastest_mps: list[float] = field(default_factory=list)
-    same: int = 0
-    asked: int = 0
-    wrong: int = 0
-    orphans: int = 0
-    left: int = 0
+    seconds: float | None
+    fastest_mps: float | None
+    same: bool
+    asked: bool
+    wrong: bool
 
-    def cells(self) -> str:
-        """A row of the table."""
-        done = [one for one in self.seconds if math.isfinite(one)]
-        in_time = sum(one <= GOAL_S for one in done)
-        middle, most = (f"{np.median(done):.1f}", f"{max(done):.1f}") if done else ("-", "-")
-        speed = f"{max(self.fastest_mps):.2f}" if self.fastest_mps else "drives on"
-        return (
-            f"| {self.kept} | {self.service} | {self.fault} | {len(self.seconds)} | {len(done)} "
-            f"| {in_time} | {middle} | {most} | {speed} | {self.same} | {self.asked} "
-            f"| {self.wrong} | {self.orphans} | {self.left} |"
-        )
+
+@dataclass
+class Remains:
+    """What was left of robots after their end.
+
+    Attributes:
+        robots: that were ended.
+        orphans: processes.
+        files: in shared memory.
+    """
+
+    robots: int = 0
+    orphans: int = 0
+    files: int = 0
+
+
+def table(trials: list[Trial]) -> str:
+    """A row for each service and fault."""
+    rows: dict[tuple[str, str, str], list[Trial]] = {}
+    for one in sorted(trials, key=_place):
+        rows.setdefault((one.kept, one.service, one.fault), []).append(one)
+    return "\n".join([HEAD, *(_cells(name, row) for name, row in rows.items())]) + "\n"
+
+
+def _place(one: Trial) -> tuple[object, ...]:
+    kept = list(SERVICES).index(one.kept)
+    return kept, SERVICES[one.kept].index(one.service), list(FAULTS).index(one.fault)
+
+
+def _cells(name: tuple[str, str, str], row: list[Trial]) -> str:
+    done = [one.seconds for one in row if one.seconds is not None]
+    in_time = sum(seconds <= GOAL_S for seconds in done)
+    middle, most = (f"{np.median(done):.1f}", f"{max(done):.1f}") if done else ("-", "-")
+    speeds = [one.fastest_mps for one in row if one.fastest_mps is not None]
+    speed = "drives on" if name[1] == "web" else f"{max(speeds):.2f}" if speeds else "-"
+    same, asked, wrong = (sum(each) for each in zip(
+        *((one.same, one.asked, one.wrong) for one in row), strict=True
+    ))  # fmt: skip
+    return (
+        f"| {' | '.join(name)} | {len(row)} | {len(done)} | {in_time} | {middle} | {most} "
+        f"| {speed} | {same} | {asked} | {wrong} |"
+    )
 
 
 HEAD = (
     "| kept by | service | fault | trials | recovered | within 5 s | s, median | max "
-    "| m/s while out | same id | asked | wrong person | orphans | left in /dev/shm |\n"
-    "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
+    "| m/s while out | same id | asked | wrong person |\n"
+    "|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
 
 
@@ -198,38 +236,34 @@ class Bench:
         self._robot, self._watch = robot, watch
         self._scene, self._told = scene, told
 
-    def trial(self, row: Row, wait_s: float) -> None:
+    def trial(self, kept: Kept, service: str, fault: str, wait_s: float) -> Trial:
         """One fault, after a wait of so many seconds."""
         self._await_following(time.monotonic())
         time.sleep(wait_s)
-        watch, service = self._watch, row.service
+        watch = self._watch
         before = self._await_following(time.monotonic() - _STEADY_S)
         pid = wait_for(lambda: self._robot.pid(service), _START_S, f"no {service}")
         process = watch.producers.get(service, ("", 0.0))[0]
         self._robot.forgive()
         at_s, t_s = time.monotonic(), before.t_s + time.monotonic() - before.at_s
-        os.kill(pid, FAULTS[row.fault])
+        os.kill(pid, FAULTS[fault])
         back = None
         while back is None and time.monotonic() - at_s < _GIVEN_UP_S:
             time.sleep(_LOOK_S)
             back = self._recovered(service, pid, process, at_s)
-        row.seconds.append(math.inf if back is None else back - at_s)
-        self._judge(row, before, at_s, t_s, back)
-        if self._told:
-            typer.echo(f"{row.seconds[-1]:.2f} s: {self._timeline(at_s)}", err=True)
-        if back is None:
-            raise HeelError(f"{row.service} has not recovered from {row.fault}")
-
-    def _judge(self, row: Row, before: Moment, at_s: float, t_s: float, back: float | None) -> None:
-        seen = self._watch.since(at_s)
-        row.wrong += any(one.role not in (None, "target") for one in seen)
-        asked = any(one.asks for one in seen)
-        row.asked += asked
-        row.same += bool(seen) and not asked and seen[-1].target_id == before.target_id
         out_s = (time.monotonic() if back is None else back) - at_s
-        if row.service != "web" and out_s > _STANDS_S:
-            fastest = fastest_mps(self._robot.truth, t_s + _STANDS_S, t_s + out_s)
-            row.fastest_mps += [] if fastest is None else [fastest]
+        seen = watch.since(at_s)
+        asked = any(one.asks for one in seen)
+        trial = Trial(
+            kept, service, fault, None if back is None else out_s,
+            None if service == "web" or out_s <= _STANDS_S else
+            fastest_mps(self._robot.truth, t_s + _STANDS_S, t_s + out_s),
+            same=bool(seen) and not asked and seen[-1].target_id == before.target_id, asked=asked,
+            wrong=any(one.role not in (None, "target") for one in seen),
+        )  # fmt: skip
+        if self._told:
+            typer.echo(f"{kept} {service} {fault} {out_s:.2f} s: {self._timeline(at_s)}", err=True)
+        return trial
 
     def _timeline(self, at_s: float) -> str:
         """What was seen since a fault: seconds, state, whom by truth, speed, at every change."""
@@ -260,7 +294,7 @@ class Bench:
                 return None
         else:
             # What was heard before the router went away does not count.
-            heard = [one.at_s for one in watch.since(at_s)]
+            heard = [at_s, *(one.at_s for one in watch.since(at_s))]
             gaps = [later for sooner, later in itertools.pairwise(heard)
                     if later - sooner > _STEADY_S / 2]  # fmt: skip
             if not gaps:
@@ -292,7 +326,7 @@ class Bench:
 
 
 @contextmanager
-def bench(kept: Kept, scene: Scene, row: Row, told: bool) -> Iterator[Bench]:
+def bench(kept: Kept, scene: Scene, remains: Remains, told: bool) -> Iterator[Bench]:
     """A robot that is about to follow; afterwards nothing of it may be left."""
     before = set(SHARED_MEMORY.iterdir())
     with tempfile.TemporaryDirectory(prefix="heel-faults-") as name:
@@ -312,9 +346,10 @@ def bench(kept: Kept, scene: Scene, row: Row, told: bool) -> Iterator[Bench]:
             except HeelError:
                 _show_logs(folder)
                 raise
-        row.orphans += len(_tagged(name))
+        remains.robots += 1
+        remains.orphans += len(_tagged(name))
         left = _left(before)
-        row.left += len(left)
+        remains.files += len(left)
         if left:
             typer.echo(f"left: {', '.join(str(one) for one in sorted(left))}", err=True)
 
@@ -375,36 +410,76 @@ def _free_port() -> int:
 
 @app.command()
 def main(
-    trials: Annotated[int, typer.Option(help="of each row", min=1)] = 20,
+    trials: Annotated[int, typer.Option(help="of each service and fault", min=1)] = 20,
     kept: Annotated[str, typer.Option(help="units, demo")] = "units,demo",
     only: Annotated[str, typer.Option(help="services")] = "",
     fault: Annotated[str, typer.Option(help="SIGKILL, SIGSTOP")] = "SIGKILL,SIGSTOP",
     scene: Annotated[str, typer.Option(help="scenario of the world")] = "straight",
     seed: Annotated[int, typer.Option(help="of the moments and of the first world")] = 1,
+    seconds: Annotated[float, typer.Option(help="begin no trial after so long")] = math.inf,
+    keep: Annotated[
+        Path | None, typer.Option(help="go on with the trials of this file", metavar="FILE")
+    ] = None,
     timeline: Annotated[bool, typer.Option(help="print what was seen in every trial")] = False,
     write: Annotated[Path | None, typer.Option(help="page for the table", metavar="FILE")] = None,
 ) -> None:
     """Kill and freeze; prints a table."""
-    lines = [HEAD]
-    moments = random.Random(seed)
+    done, remains = _kept_trials(keep)
+    until_s = time.monotonic() + seconds
     for by in SERVICES:
-        for service in SERVICES[by] if by in kept else ():
-            for kind in FAULTS if not only or service in only.split(",") else ():
-                if kind not in fault:
-                    continue
-                row = Row(by, service, kind)
-                _fill(row, trials, Scene(scene, seed, service == "detector"), moments, timeline)
-                lines.append(row.cells())
-                typer.echo(lines[-1], err=True)
-    publish("\n".join(lines) + "\n", write, "faults")
+        services = [one for one in SERVICES[by] if by in kept and (not only or one in only)]
+        for pixels in (False, True):
+            todo = [(service, kind) for service in services if (service == "detector") == pixels
+                    for kind in FAULTS if kind in fault]  # fmt: skip
+            while time.monotonic() < until_s and _short(done, by, todo, trials):
+                world = Scene(scene, seed + len(done), pixels)
+                with suppress(HeelError), bench(by, world, remains, timeline) as made:
+                    _try(made, by, todo, trials, done, until_s, seed)
+                _keep(keep, done, remains)
+    publish(
+        f"{table(done)}\nLeft by {remains.robots} robots after their end: {remains.orphans} "
+        f"processes, {remains.files} files in /dev/shm.\n", write, "faults",
+    )  # fmt: skip
 
 
-def _fill(row: Row, trials: int, scene: Scene, moments: random.Random, told: bool) -> None:
-    """All trials of a row; a robot that did not recover is started anew."""
-    while len(row.seconds) < trials:
-        with suppress(HeelError), bench(row.kept, scene, row, told) as made:
-            while len(row.seconds) < trials:
-                made.trial(row, moments.uniform(0.0, _MOMENTS_S))
+def _try(
+    made: Bench, by: Kept, todo: list[tuple[str, str]], trials: int, done: list[Trial],
+    until_s: float, seed: int,
+) -> None:  # fmt: skip
+    """One after the other, so that no service fails too often within a minute.
+
+    Raises:
+        HeelError: the robot has not recovered, and is of no use any more.
+    """
+    while short := _short(done, by, todo, trials):
+        service, fault = short[0]
+        if time.monotonic() >= until_s:
+            return
+        wait_s = random.Random(f"{seed} {len(done)}").uniform(0.0, _MOMENTS_S)
+        done.append(made.trial(by, service, fault, wait_s))
+        if done[-1].seconds is None:
+            raise HeelError(f"{service} has not recovered from {fault}")
+
+
+def _short(
+    done: list[Trial], by: Kept, todo: list[tuple[str, str]], trials: int
+) -> list[tuple[str, str]]:
+    """What has fewer trials than wanted, the fewest first."""
+    had = Counter((one.service, one.fault) for one in done if one.kept == by)
+    return sorted((one for one in todo if had[one] < trials), key=lambda one: had[one])
+
+
+def _kept_trials(keep: Path | None) -> tuple[list[Trial], Remains]:
+    if keep is None or not keep.exists():
+        return [], Remains()
+    kept = json.loads(keep.read_text())
+    return [Trial(**one) for one in kept["trials"]], Remains(**kept["remains"])
+
+
+def _keep(keep: Path | None, done: list[Trial], remains: Remains) -> None:
+    if keep is not None:
+        kept = {"trials": [asdict(one) for one in done], "remains": asdict(remains)}
+        keep.write_text(json.dumps(kept, indent=1))
 
 
 if __name__ == "__main__":

@@ -65,7 +65,7 @@ def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
         ("mode", settings.mode),
         ("connect/endpoints", [with_send_buffer(endpoint) for endpoint in settings.connect]),
         ("connect/timeout_ms", 0),
-        ("connect/retry", {"period_init_ms": 200, "period_max_ms": 1000}),
+        ("connect/retry", {"period_init_ms": 200, "period_max_ms": 300}),
         ("scouting/multicast/enabled", False),
         ("queries_default_timeout", int(QUERY_TIMEOUT_S * 1000)),
         ("transport/link/tx/lease", LEASE_MS),

@@ -41,6 +41,12 @@ def broken() -> None:
     raise OSError("no such board")
 
 
+def look(wheels: Wheels, from_s: float, times: int) -> None:
+    """As the service loop does, fifty times a second."""
+    for turn in range(times):
+        wheels.check(from_s + 0.02 * turn)
+
+
 def failure_of(wheels: Wheels) -> str | None:
     try:
         wheels.check(time.monotonic())
@@ -98,14 +104,34 @@ def test_a_driver_that_hangs_is_noticed_and_a_last_stop_is_tried() -> None:
     try:
         wheels.turn(0.5, 0.0)
         wait_until(lambda: bool(driver.calls), "the order")
+        now_s = time.monotonic()
         with pytest.raises(DriverError, match=r"one call takes longer than 0\.05 s"):
-            wheels.check(time.monotonic() + 1.0)
+            look(wheels, now_s, 5)
         started_s = time.monotonic()
         assert wheels.finish(), "the other thread got through"
         assert time.monotonic() - started_s < 5.0
         assert driver.calls == [(0.5, 0.0), "stop"]
     finally:
         release.set()
+
+
+def test_a_process_that_was_held_up_itself_accuses_no_driver() -> None:
+    """A machine too busy to run it: the call went no further because nothing did."""
+    release = threading.Event()
+    driver = FakeDriver(lambda: bool(release.wait(20.0)) and None)
+    wheels = Wheels(driver, deadline_s=0.3, silence_s=5.0)
+    try:
+        wheels.turn(0.5, 0.0)
+        wait_until(lambda: bool(driver.calls), "the order")
+        now_s = time.monotonic()
+        wheels.check(now_s)
+        wheels.check(now_s + 5.0)
+        wheels.check(now_s + 5.02)
+        with pytest.raises(DriverError, match="driver hangs"):
+            look(wheels, now_s + 5.04, 20)
+    finally:
+        release.set()
+    assert wheels.finish()
 
 
 def test_wheels_that_cannot_be_stopped_are_no_secret() -> None:

@@ -139,7 +139,7 @@ def test_the_measured_traps_are_set() -> None:
     assert read["connect/endpoints"] == ["tcp/127.0.0.1:7447#so_sndbuf=32768"]
     assert read["namespace"] == "robots/r1"
     assert read["transport/shared_memory/enabled"] is True
-    assert read["connect/retry"]["period_max_ms"] == 1000
+    assert read["connect/retry"]["period_max_ms"] == 300
 
 
 @pytest.mark.parametrize(
