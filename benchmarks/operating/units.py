@@ -80,6 +80,7 @@ class InitSystem:
         self._units = [Unit.parsed(name, texts[unit_name(name)]) for name in layout.names]
         self._folder, self._environment = folder, environment
         self._over = threading.Event()
+        self._forgiven_s = 0.0
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._threads = [
             threading.Thread(target=self._keep, args=(unit,), daemon=True) for unit in self._units
@@ -105,8 +106,6 @@ class InitSystem:
     def forgive(self) -> None:
         """Forget the starts so far: as `systemctl reset-failed`, for faults one after the other."""
         self._forgiven_s = time.monotonic()
-
-    _forgiven_s = 0.0
 
     def _keep(self, unit: Unit) -> None:
         address = self._folder / f"{unit.service}.notify"

@@ -41,6 +41,7 @@ from heel.services.runtime.session import (
     check_endpoints,
     one_line,
     start_zenoh_log,
+    why_no_room,
     why_no_shared_memory,
     with_send_buffer,
 )
@@ -266,6 +267,7 @@ def open_private_router(
     shared_memory: bool = True, lossless: bool = False
 ) -> Iterator[tuple[zenoh.Session, str]]:
     """A router on a free loopback port, and its endpoint."""
+    shared_memory = shared_memory and why_no_room() is None
     for attempt in range(_PORT_ATTEMPTS):
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))

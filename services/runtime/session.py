@@ -16,7 +16,7 @@ from zenoh.shm import JustAlloc, ShmProvider
 from heel.schemas.errors import HeelError, SettingsError
 from heel.services.runtime.process import may_lock_memory
 from heel.services.runtime.settings import ZenohSettings
-from heel.services.runtime.shared_memory import OWN, SHARED_MEMORY, full_share
+from heel.services.runtime.shared_memory import OWN, SHARED_MEMORY, free_bytes, full_share
 
 QUERY_TIMEOUT_S = 2.0
 """Seconds after which a query is over where it does not say; answers take milliseconds."""
@@ -37,6 +37,9 @@ POOL_BYTES = (4 << 20) + 8 * secrets.randbelow(1 << 17)
 (`shared_memory.Ledger`); frames have a pool of their own (`frame_memory`). Zenoh's 16 MiB are
 locked in every process that sends and mapped by every one that receives, 20 ms each the first time
 and 12 MB more of each (measured)."""
+_LEAST_ROOM_BYTES = 2 << 20
+"""Free shared memory below which none is used. Zenoh's index takes 1.3 MB of it, the greeting of
+each session 12 kB; where there is less, Zenoh does not refuse but panics (measured)."""
 _ZENOH_SOURCE = re.compile(r"\s+at /\S+\.rs:\d+\.?")
 _ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws|serial|vsock|unixpipe|unixsock-stream)/\S+")
 
@@ -144,6 +147,8 @@ def why_no_shared_memory() -> str | None:
     Zenoh takes the index with the first large message, in a thread of its own: where `/dev/shm` was
     full by then, the thread of a router panicked and no frame passed any more (measured).
     """
+    if (reason := why_no_room()) is not None:
+        return reason
     try:
         with OWN.claiming():
             ShmProvider.default_backend(8192).alloc(1, JustAlloc())
@@ -152,6 +157,14 @@ def why_no_shared_memory() -> str | None:
         full = "missing" if share is None else f"{share:.0%} full"
         return f"{SHARED_MEMORY} is {full}: make it larger ({one_line(error)})"
     return None
+
+
+def why_no_room() -> str | None:
+    """Why shared memory is not to be begun with, None if there is room; takes nothing of it."""
+    room = free_bytes()
+    if room is None or room >= _LEAST_ROOM_BYTES:
+        return None
+    return f"{SHARED_MEMORY} has {room >> 10} kB left: make it larger"
 
 
 def open_session(

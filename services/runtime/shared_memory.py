@@ -181,6 +181,15 @@ def full_share(folder: Path = SHARED_MEMORY) -> float | None:
     return 1.0 - status.f_bavail / status.f_blocks if status.f_blocks else None
 
 
+def free_bytes(folder: Path = SHARED_MEMORY) -> int | None:
+    """Shared memory that is left; None where there is none at all."""
+    try:
+        status = os.statvfs(folder)
+    except OSError:
+        return None
+    return status.f_bavail * status.f_frsize
+
+
 def remove_own_segments(folder: Path = SHARED_MEMORY) -> None:
     """Delete the Zenoh segments that only this process, which is about to end, holds.
 
