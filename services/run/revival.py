@@ -20,8 +20,8 @@ _FROZEN_S = 1.0
 hand: such a process is at no work, however busy the machine is."""
 _LOOK_S = 0.1
 """Seconds between two looks at the states of processes; chosen by hand."""
-_DONE, _WRONG_SETTINGS = 0, 2
-"""Exit codes after which a start would change nothing."""
+_DONE = 0  # exit code of a service that was told to end, or has nothing more to do
+_WRONG_SETTINGS = 2  # exit code of one that a start would not help
 
 
 class Revival:
