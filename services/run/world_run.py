@@ -238,7 +238,8 @@ class WorldRun:
         """
         failure, early = children.failure(), children.ended("simulator")
         if self._revival.look(children, time.monotonic()):
-            return self._tell_processes(children)
+            self._tell_processes(children)
+            return
         if failure is not None:
             raise failure
         if early is not None:
