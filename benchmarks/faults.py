@@ -243,6 +243,7 @@ class Bench:
         watch = self._watch
         before = self._await_following(time.monotonic() - _STEADY_S)
         pid = wait_for(lambda: self._robot.pid(service), _START_S, f"no {service}")
+        assert pid is not None
         process = watch.producers.get(service, ("", 0.0))[0]
         self._robot.forgive()
         at_s, t_s = time.monotonic(), before.t_s + time.monotonic() - before.at_s

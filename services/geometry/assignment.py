@@ -7,14 +7,40 @@ it by the method of R. Jonker and A. Volgenant, 1987. Of equal totals the same o
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.machinery import PathFinder
+from importlib.util import module_from_spec
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Solver = Callable[..., tuple[Indices, Indices]]
+
+
+def _solver() -> Solver:
+    """scipy's `linear_sum_assignment`, without the rest of `scipy.optimize` where that can be.
+
+    All of it takes as long to import as everything else that a tracker needs, a second, and a robot
+    stands for that long when its tracker comes back after a crash.
+    """
+    found = PathFinder.find_spec("_lsap", [f"{folder}/optimize" for folder in scipy.__path__])
+    if found is not None and found.loader is not None:
+        module = module_from_spec(found)
+        found.loader.exec_module(module)
+        if hasattr(module, "linear_sum_assignment"):
+            alone: Solver = module.linear_sum_assignment
+            return alone
+    from scipy.optimize import linear_sum_assignment
+
+    whole: Solver = linear_sum_assignment
+    return whole
+
+
+linear_sum_assignment = _solver()
 
 
 def heaviest_pairs(weights: Floats, above: float = -math.inf) -> tuple[Indices, Indices]:

@@ -58,7 +58,8 @@ class PointedAt:
 
     def state(self, scene: SceneKey) -> PointedState:
         """What `resumed` goes on from, in pictures of this scene."""
-        return PointedState(tuple(scene), self._person, self._proof, self._shown, self.count)
+        key = scene.stream, scene.epoch, scene.width, scene.height
+        return PointedState(key, self._person, self._proof, self._shown, self.count)
 
     @property
     def is_looking(self) -> bool:
