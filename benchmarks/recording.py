@@ -1,6 +1,6 @@
 """What recording costs, and whether anything is lost: raw frames at a camera's rate for some time.
 
-    python -m benchmarks.recording [--seconds 600]
+    python -m benchmarks.recording [--seconds 600] [--no-foxglove]
 
 Frames go through shared memory as a camera's do, with tracks beside them; the recorder is a process
 of its own and tells in its health what it takes. The recording is read again and then removed.
@@ -74,8 +74,8 @@ def send_for(camera: Camera, seconds: float) -> None:
         time.sleep(max(0.0, due_s - time.monotonic()))
 
 
-def measure(seconds: float, out: Path) -> None:
-    """Record for so long, and print what came of it."""
+def measure(seconds: float, out: Path, foxglove: bool) -> None:
+    """Record for so long, with Foxglove's types or without, and print what came of it."""
     heard: list[Health] = []
     with open_private_router() as (_, endpoint):
         settings = ZenohSettings(connect=(endpoint,))
@@ -89,7 +89,7 @@ def measure(seconds: float, out: Path) -> None:
             recorder = subprocess.Popen(
                 [sys.executable, "-P", "-m", "heel.services.recorder", "--connect", endpoint,
                  "--frames", "raw", "--out", str(out), "--spare-mb", "0", "--file-mb", "1000000",
-                 "--file-s", "86400"]
+                 "--file-s", "86400", "--foxglove" if foxglove else "--no-foxglove"]
             )  # fmt: skip
             try:
                 wait_for(lambda: any(h.state == "ok" for h in heard), _UP_S, "no recorder")
@@ -119,8 +119,10 @@ def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--foxglove", action=argparse.BooleanOptionalAction, default=True)
+    asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        measure(parser.parse_args().seconds, Path(folder))
+        measure(asked.seconds, Path(folder), asked.foxglove)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ const SPOKEN_EVERY_MS = 2000;
 const MOST_PROBLEMS = 3;
 const OWN_SWITCH = "use the robot\u2019s own switch";
 const STATE_TONES = {
-  following: "good", acquiring: "calm", idle: "wait", occluded: "warn", unsure: "warn",
+  following: "good", "by hand": "calm", acquiring: "calm", idle: "wait", occluded: "warn", unsure: "warn",
   searching: "warn", lost: "bad", stopped: "bad",
 };
 const HINTS = { idle: "Click somebody in the picture to follow them." };
@@ -138,7 +138,8 @@ export class Panel {
     const { follower, command, problems } = this.status;
     const absent = this.problem("follower");
     const blind = problems.find(({ part, kind }) => kind !== "doubled" && ["capture", "simulator", "detector", "tracker"].includes(part));
-    const state = this.lost ? "unknown" : absent ? absent.kind : follower?.state ?? "unknown";
+    const byHand = follower?.driven_by && follower.state === "idle";
+    const state = this.lost ? "unknown" : absent ? absent.kind : byHand ? "by hand" : follower?.state ?? "unknown";
     const pill = element("state");
     put(pill, state);
     tone(pill, this.lost || absent ? "bad" : STATE_TONES[state] ?? "wait");
@@ -147,7 +148,7 @@ export class Panel {
     const reason = this.lost || absent?.words || (follower && blind && follower.state !== "stopped" ? `${blind.words}; ${follower.reason}` : follower?.reason);
     put(element("reason"), reason ?? "no follower has been heard yet");
     const told = /click|choose/i.test(follower?.reason ?? "");
-    put(element("hint"), !this.lost && !absent && target?.mode === "none" && !told ? HINTS[follower.state] ?? "" : "");
+    put(element("hint"), !this.lost && !absent && !byHand && target?.mode === "none" && !told ? HINTS[follower.state] ?? "" : "");
     const known = this.lost || absent ? null : follower;
     this.showFacts(known);
     this.showStory(known ? this.status.story : []);
