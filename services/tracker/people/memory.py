@@ -38,6 +38,11 @@ _SETTLE_SPREAD = 0.2
 """Standard deviation of the place of a person that has stayed [heights]; chosen by hand."""
 _ELSEWHERE = 0.3
 """Share of returns, recognised by appearance, that are at any place; chosen by hand."""
+_FASTEST = 3.0
+"""Speed beyond which nobody moves [heights/s]: a sprint, 5 m/s; chosen by hand."""
+_REACH_SLACK = 1.0
+"""What a box may be off beside it, at the side of the picture above all [heights]; chosen by
+hand."""
 _LATER_TRUST = 0.95
 """Least probability of a return for a track that has an id already; chosen by hand."""
 
@@ -100,10 +105,24 @@ def return_log_odds(
     by_place += math.log(rate) - math.log1p(-rate)
     if around.area_px2 is None:
         return by_place
+    if around.places and _out_of_reach(newcomer, lost):
+        return by_place
     share = _ELSEWHERE if by_place > -math.inf else 1.0
     newcomers = _NEWCOMER_DENSITY * max(around.area_px2 / height**2, 1.0)
     anywhere = math.log(share * _RETURN_RATE / newcomers)
     return float(np.logaddexp(by_place + math.log1p(-min(share, 1 - 1e-9)), anywhere))
+
+
+def _out_of_reach(newcomer: Track, lost: Track) -> bool:
+    """Whether nobody gets from where one was last seen to where the other was seen first in time.
+
+    Who leaves the picture on the right is not who enters it on the left a moment later, however
+    alike they are.
+    """
+    height = math.exp(max(lost.anchor[2], newcomer.mean[2, 0]))
+    x, y = (newcomer.birthplace - lost.anchor[:2]).tolist()
+    reach = _FASTEST * (newcomer.born_s - lost.seen_s) + _REACH_SLACK
+    return math.hypot(x, y) > reach * height
 
 
 def claims(

@@ -74,6 +74,23 @@ def test_who_comes_back_gets_the_old_id_by_look_wherever(gone_s: float, elsewher
     assert found(frames[-1], elsewhere).identity_confidence > 0.6
 
 
+@pytest.mark.parametrize(("after_s", "same"), [(0.3, False), (3.0, True)])
+def test_who_left_on_one_side_does_not_enter_on_the_other_a_moment_later(
+    after_s: float, same: bool
+) -> None:
+    """However alike the two are: nobody runs across the picture in that time."""
+    people = [
+        Person(RED, lambda t_s: (500.0 + 60 * t_s, 400.0) if t_s < 2.5 else None),
+        Person(RED, lambda t_s: (10 + 40 * (t_s - 2.5 - after_s), 400.0)
+               if t_s >= 2.5 + after_s else None),
+        standing(GREEN, 300, (0, 99)),
+    ]  # fmt: skip
+    frames = follow(Tracker(TrackerSettings()), people, 5.5 + after_s)
+    last = frames[-1].t_capture_ns * 1e-9
+    left, entered = found(frames[15], 590), found(frames[-1], 10 + 40 * (last - 2.5 - after_s))
+    assert (left.id == entered.id) == same
+
+
 def test_nobody_else_gets_the_id_of_who_is_gone() -> None:
     people = [
         standing(RED, 300, (0, 4)),
