@@ -7,12 +7,22 @@ people/track.py and sought.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from heel.schemas import Track
 from heel.schemas.base import BoxXyxy, Point
 from heel.schemas.tracks import MAX_TRACKS, TrackState
+
+_UNSEEN_DOUBT_S = 4.0
+"""Time unseen in which the reported confidence falls to 1/e [s]: a track is predicted for seconds,
+and may be found on somebody else; chosen by hand."""
+
+
+def faded(confidence: float, unseen_s: float) -> float:
+    """Confidence in an identity, in [0, 1], after time unseen; as before once seen again."""
+    return confidence * math.exp(-unseen_s / _UNSEEN_DOUBT_S)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from heel.schemas.base import BoxXyxy
 from heel.services.geometry.boxes import centre, moved
 from heel.services.geometry.picture_motion import moved_point
 from heel.services.tracker.people.carry import CameraStep
-from heel.services.tracker.report import Report, tracks_of
+from heel.services.tracker.report import Report, faded, tracks_of
 from heel.services.tracker.settings import Reporting
 
 _CONFIRM_FRAMES = 3
@@ -97,7 +97,7 @@ class SoughtTracker:
             alone=self._missed_frames == 0,
             missed_frames=self._missed_frames,
             in_front=(),
-            identity_confidence=self._confidence,
+            identity_confidence=faded(self._confidence, self._missed_s),
             runner_up_confidence=0.0,
             shown=self._missed_s <= self._reporting.show_missed_s
             and box[3] - box[1] >= self._reporting.min_height * rows,

@@ -11,7 +11,7 @@ from heel.services.tracker.people import kalman
 from heel.services.tracker.people.geometry import AXES, FloatArray
 from heel.services.tracker.people.kalman import ASPECT
 from heel.services.tracker.people.looks import Gallery
-from heel.services.tracker.report import Report
+from heel.services.tracker.report import Report, faded
 
 _LEAST_CONFIDENCE = 0.52
 """Reported confidence where motion gives no evidence of identity; fitted, see `Track.report`."""
@@ -193,20 +193,19 @@ class Track:
         half_width = half_height * math.exp(log_aspect)
         return np.array([x - half_width, y - half_height, x + half_width, y + half_height])
 
-    def report(self, t_s: float, pictures: bool, shown: bool, unseen_doubt_s: float) -> Report:
+    def report(self, t_s: float, pictures: bool, shown: bool) -> Report:
         """The track as reported in this frame.
 
         Args:
             t_s: now. pictures: whether descriptors are known.
             shown: whether a user is shown the track, if it is confirmed.
-            unseen_doubt_s: time unseen in which the confidence falls to 1/e.
         """
-        confidence = self.confidence * math.exp(-(t_s - self.seen_s) / unseen_doubt_s)
+        confidence = faded(self.confidence, t_s - self.seen_s)
         if not pictures:
             # Fitted by least squares, and checked on sequences that were left out (see
             # docs/records/association.md). Marginals of neighbouring frames repeat one doubt,
             # hence the root; appearance, where it is known, settles it.
-            confidence = _LEAST_CONFIDENCE + _CONFIDENCE_RANGE * math.sqrt(self.confidence)
+            confidence = _LEAST_CONFIDENCE + _CONFIDENCE_RANGE * math.sqrt(confidence)
         left, top, right, bottom = self.box().tolist()
         speed_x, speed_y = self.mean[:2, 1].tolist()
         return Report(

@@ -304,7 +304,7 @@ class PeopleTracker(Generic[Frame]):
         why = self._front.hides(track, t_s, at_side)
         if why and why != UNSEEN:
             self._withheld[why] = self._withheld.get(why, 0) + 1
-        return track.report(t_s, self._front.pictures, not why, self._tuning.unseen_doubt_s)
+        return track.report(t_s, self._front.pictures, not why)
 
     def _note_claim(self, claim: Claim) -> None:
         """Note a re-identification, or the person that a newcomer was compared with and is not."""

@@ -31,7 +31,6 @@ class Tuning:
         most_against_present: most log odds that colours take from a track that was seen a moment
             ago and that no other covers.
         reassure: weight of colours in settling a doubt, share of their log odds per second.
-        unseen_doubt_s: time unseen in which the reported confidence falls to 1/e.
     """
 
     birth_score: float
@@ -46,7 +45,6 @@ class Tuning:
     rivals: float
     most_against_present: float
     reassure: float
-    unseen_doubt_s: float = math.inf
 
 
 FILE = Tuning(
@@ -95,11 +93,6 @@ def tuned(usual: Tuning, settings: TrackerSettings) -> Tuning:
     return replace(usual, **{name: value for name, value in own.items() if value is not None})
 
 
-_UNSEEN_DOUBT_S = 4.0
-"""On evidence a silhouette is predicted for seconds, and may be found on somebody else; chosen by
-hand."""
-
-
 def evidence_tuning(reporting: Reporting, identify: bool) -> Tuning:
     """The thresholds on evidence, of which births and reports are the front end's own.
 
@@ -110,5 +103,4 @@ def evidence_tuning(reporting: Reporting, identify: bool) -> Tuning:
     return replace(
         ROBOT, forget_s=reporting.forget_s, forget_known_s=reporting.forget_s,
         show_missed_s=reporting.show_missed_s, trust=ROBOT.trust if identify else math.inf,
-        unseen_doubt_s=_UNSEEN_DOUBT_S,
     )  # fmt: skip

@@ -249,3 +249,16 @@ def test_a_person_who_returns_is_known_or_new_but_never_the_other(tracker: str) 
         assert back.id == before.id, "by appearance"
     away = [track for tracks in frames[33:70] for track in tracks.tracks if track.id == before.id]
     assert {track.state for track in away} <= {"lost"}
+
+
+@pytest.mark.parametrize("tracker", ["foreground", "people", "pointed-at"])
+def test_the_longer_a_person_is_out_of_sight_the_less_sure_is_the_id(tracker: str) -> None:
+    """Not the published method's, whose confidence is that of its last decision."""
+    scene, frames = SCENES["return"], played(tracker, "return")
+    known = on(frames[25], scene.first(25))
+    assert known is not None
+    unseen = [track.identity_confidence for tracks in frames[33:70] for track in tracks.tracks
+              if track.id == known.id]  # fmt: skip
+    assert unseen, "it is still told of"
+    assert all(later < sooner for sooner, later in itertools.pairwise(unseen))
+    assert unseen[0] < known.identity_confidence
