@@ -104,7 +104,7 @@ class BoxFrontEnd:
         if not pairs:
             return []
         seen, alone = frame.measurements(), crowding(frame.boxes) <= CLEAR
-        noise = self._noise(frame.boxes)[[j for _, j in pairs]]
+        noise = self._noise(frame)[[j for _, j in pairs]]
         variance = kalman.measurement_variance(scene.mean[[i for i, _ in pairs], :, 0])
         variance = noise[:, None] * variance
         singles = []
@@ -137,7 +137,7 @@ class BoxFrontEnd:
             return [], [], np.zeros((len(tracks), len(boxes)))
         exist = _DETECTION_RATE * np.array([track.existence for track in tracks])
         rates = exist * (1 - _HIDING * scene.hidden)
-        log_odds = pair_log_odds(scene.mean, scene.covariance, rates, seen, self._noise(boxes))
+        log_odds = pair_log_odds(scene.mean, scene.covariance, rates, seen, self._noise(frame))
         if frame.looks is not None:
             log_odds += self._look_odds(boxes, frame.looks, scene)
         members = [
@@ -170,9 +170,14 @@ class BoxFrontEnd:
         odds = scene.identity.log_odds(scene.tracks, boxes, looks)
         return np.asarray(np.maximum(odds, -against[:, None]))
 
-    def _noise(self, boxes: FloatArray) -> FloatArray:
-        """Factor (M,) on the variance of boxes: more where the picture's side cuts them off."""
-        if not self._columns:
+    def _noise(self, frame: FrameBoxes) -> FloatArray:
+        """Factor (M,) on the variance of boxes: more where the picture's side cuts them off.
+
+        Where place alone tells people apart, those who come and go at the side would be taken for
+        one another (wrong 6.9 -> 11.5 % on ETH-Pedcross2): there it is 1.
+        """
+        boxes = frame.boxes
+        if not self._columns or frame.looks is None:
             return np.ones(len(boxes))
         cut = (boxes[:, 0] <= _AT_SIDE_PX) | (boxes[:, 2] >= self._columns - _AT_SIDE_PX)
         return np.where(cut, _CUT_NOISE, 1.0)
