@@ -160,7 +160,10 @@ class NeuralDetector:
         for part in parts[: looks.parts]:
             model = self._near if part.near else self._model
             close, part_ms = self._timed(model, frame.image, part)
-            found = together(found, close, part)
+            if part.reaches_beyond:  # the frame itself is the closer look
+                found = together(close, found, people.views.whole)
+            else:
+                found = together(found, close, part)
             parts_ms.append(part_ms)
         self._budget.spent(whole_ms, parts_ms)
         return found

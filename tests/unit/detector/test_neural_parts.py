@@ -15,6 +15,7 @@ from heel.services.detector.neural.views import (
     Expected,
     View,
     Views,
+    look,
     together,
     usual_looks,
 )
@@ -49,6 +50,40 @@ def test_large_people_need_no_closer_look() -> None:
     views = Views(FRAME, INPUT)
     assert views.around(person(480, 270, 250)) is None
     assert Views((320, 240), INPUT).tiles == ()
+
+
+@pytest.mark.parametrize("side", [192, 416])
+def test_a_person_who_fills_the_picture_is_looked_at_with_grey_around(side: int) -> None:
+    rows, columns = 480, 640
+    box = person(320, 250, 440)
+    view = Views((columns, rows), (side, side)).around(box)
+    assert view is not None
+    assert view.holds((0, 0, columns, rows))
+    assert view.width == view.height
+    assert 440 * side / view.height == pytest.approx(min(104, side / 2), abs=1)
+    shown: list[NDArray[np.uint8]] = []
+
+    class Network:
+        def detect(self, pixels: NDArray[np.uint8], least_score: float) -> Detections:
+            shown.append(pixels)
+            top, left = -view.top, -view.left  # one whom it takes to reach below the frame
+            return found((left + 200, top + 30, left + 440, top + rows + 25, 0.8))
+
+    image = np.full((rows, columns, 3), 7, np.uint8)
+    seen = look(Network(), image, 0.3, view)  # type: ignore[arg-type]
+    assert shown[0].shape == (view.height, view.width, 3)
+    grey = (shown[0] == 114).all(axis=2)
+    assert grey.sum() == view.width * view.height - rows * columns
+    assert seen.boxes.tolist() == [[200, 30, 440, rows]]
+
+
+def test_where_the_frame_shows_a_person_well_it_says_where_they_are() -> None:
+    whole, wide = View(0, 0, 640, 480), View(-100, -180, 840, 840)
+    both = together(found((202, 30, 436, 478, 0.7)), found((195, 20, 450, 480, 0.5)), whole)
+    assert wide.reaches_beyond
+    assert not whole.reaches_beyond
+    np.testing.assert_allclose(both.boxes, [[195, 20, 450, 480]])
+    np.testing.assert_allclose(both.scores, [0.7])
 
 
 def test_tiles_cover_the_frame_and_overlap() -> None:
