@@ -337,22 +337,32 @@ def bench(kept: Kept, scene: Scene, remains: Remains, told: bool) -> Iterator[Be
         }  # fmt: skip
         environment |= NAMED_NETWORKS
         environment |= {"PYTHONPATH": str(REPOSITORY), VARIABLE: name, _TAG: name}
-        os.environ[VARIABLE] = name
-        with ExitStack() as stack:
-            stack.callback(os.environ.pop, VARIABLE)
-            robot: Robot = (Units if kept == "units" else Demo)(folder, scene, environment, stack)
-            watch = stack.enter_context(Watch(robot.endpoint, clicks=kept == "units"))
-            try:
-                yield Bench(robot, watch, scene, told)
-            except HeelError:
-                _show_logs(folder)
-                raise
-        remains.robots += 1
-        remains.orphans += len(_tagged(name))
-        left = _left(before)
-        remains.files += len(left)
-        if left:
-            typer.echo(f"left: {', '.join(str(one) for one in sorted(left))}", err=True)
+        try:
+            with _robot(kept, folder, scene, environment, told) as made:
+                yield made
+        finally:
+            remains.robots += 1
+            remains.orphans += len(_tagged(name))
+            left = _left(before)
+            remains.files += len(left)
+            if left:
+                typer.echo(f"left: {', '.join(str(one) for one in sorted(left))}", err=True)
+
+
+@contextmanager
+def _robot(
+    kept: Kept, folder: Path, scene: Scene, environment: dict[str, str], told: bool
+) -> Iterator[Bench]:
+    os.environ[VARIABLE] = str(folder)
+    with ExitStack() as stack:
+        stack.callback(os.environ.pop, VARIABLE)
+        robot: Robot = (Units if kept == "units" else Demo)(folder, scene, environment, stack)
+        watch = stack.enter_context(Watch(robot.endpoint, clicks=kept == "units"))
+        try:
+            yield Bench(robot, watch, scene, told)
+        except HeelError:
+            _show_logs(folder)
+            raise
 
 
 def _show_logs(folder: Path) -> None:

@@ -164,6 +164,8 @@ def fastest_mps(truth: Path, from_s: float, to_s: float) -> float | None:
         stream.seek(max(0, truth.stat().st_size - (4 << 20)))
         stream.readline()
         for line in stream:
+            if line.startswith(b'{"sim-world"'):
+                fastest = None  # another episode, whose time begins anew
             with suppress(ValueError, KeyError):
                 row = json.loads(line)["sim-truth"]
                 if from_s <= row["t_s"] <= to_s:
