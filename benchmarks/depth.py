@@ -1,13 +1,13 @@
 """How well distances by depth are, beside those by boxes, in the simulated world.
 
     python -m benchmarks.depth                            one episode of each kind, as tables
-    python -m benchmarks.depth --episodes 28 --write docs/records/depth.md
+    python -m benchmarks.depth --episodes 7
 
 Closed loops with simulated boxes, which err as a detector's do, and rendered depth, which errs as a
 stereo camera's does (`services/simulator/depth_sensor.py`). Of every tracked person within 1 to 4 m
-the distance by each of three ways is compared with the true one, from the camera to the middle of
-the body: by depth, by the box with the camera's mounting known, and by the box alone. Then episodes
-of the same loop without a ring of range sensors, with and without depth.
+the distance by each of three ways is compared, four times a second, with the true one, from the
+camera to the middle of the body: by depth, by the box with the camera's mounting known, and by the
+box alone. Then episodes of the same loop without a ring of range sensors, with and without depth.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -35,18 +35,21 @@ from heel.services.loops.scenarios.episode import StackSettings, load_stack, run
 from heel.services.loops.scenarios.loop import ClosedLoop
 from heel.services.loops.scenarios.parallel import EpisodeTask, run_all, spread, workers
 from heel.services.loops.scenarios.perception import Senses, SimulatedBoxes, camera_info
-from heel.services.loops.scenarios.pixels import Camera, DepthSeen
+from heel.services.loops.scenarios.pixels import Camera
 from heel.services.loops.scenarios.results import make_report
 from heel.services.simulator.posture_scenarios import POSTURES
 from heel.services.simulator.scenarios import SCENARIOS, scenario
 from heel.services.simulator.state import CameraMount
 from heel.services.simulator.world import World
+from heel.services.tracker.depth_places import with_depth
 
 NEAREST_M, FARTHEST_M = 1.0, 4.0
 GOAL = 0.05
 """Of the distance: what 95 of 100 errors are to be within."""
 LEAST_VISIBLE = 0.5
 """Share of a person that is seen; who is hidden more is not measured by anybody."""
+EVERY = 5
+"""Frames of which one is measured, four a second: those between say the same."""
 EPISODE_S = 600.0
 """Longest wait for an episode: each takes some tens of seconds."""
 WAYS = ("by depth", "by box, mounted", "by box alone")
@@ -64,14 +67,22 @@ class Sample:
 class Compared:
     """A perception that notes what each way tells of its people."""
 
-    def __init__(self, seen: DepthSeen, world: World, mount: CameraMount) -> None:
-        self._seen, self._world, self._mount = seen, world, mount
+    def __init__(
+        self, boxes: SimulatedBoxes, seen: Camera, world: World, mount: CameraMount
+    ) -> None:
+        self._boxes, self._seen, self._world, self._mount = boxes, seen, world, mount
         self._cameras = [camera_from_info(camera_info(mount, known)) for known in (True, False)]
         self.samples: list[Sample] = []
 
     def see(self, frame: FrameId) -> Tracks:
-        """The same tracks; those near are noted."""
-        tracks = self._seen.see(frame)
+        """Tracks without depth; of some frames those near are noted."""
+        tracks = self._boxes.see(frame)
+        if frame.seq % EVERY == 0:
+            assert self._cameras[0] is not None
+            self._note(frame, with_depth(tracks, self._seen.depth_mm(), self._cameras[0]))
+        return tracks
+
+    def _note(self, frame: FrameId, tracks: Tracks) -> None:
         truth, robot = self._world.truth(frame.seq, self._mount), self._world.robot
         pairs = people_by_track(truth, tracks)
         for track in tracks.tracks:
@@ -90,19 +101,18 @@ class Compared:
                 self.samples.append(
                     Sample(true_m, (track.distance_m, *told), track.distance_sigma_m)
                 )
-        return tracks
 
     def point(self, pointed: Pointed) -> None:
         """Nothing hangs on it."""
-        self._seen.point(pointed)
+        self._boxes.point(pointed)
 
 
 def samples_of(stack: StackSettings, task: EpisodeTask) -> list[Sample]:
     """All that an episode shows of people near."""
     world, mount = scenario(task.scenario, task.seed), CameraMount()
     with Camera(world, mount) as camera:
-        seen = DepthSeen(SimulatedBoxes(world, mount, stack.tracker), camera, mount, True)
-        compared = Compared(seen, world, mount)
+        boxes = SimulatedBoxes(world, mount, stack.tracker)
+        compared = Compared(boxes, camera, world, mount)
         cores = Follower(stack.follower), Drive(stack.drive)
         ClosedLoop(world, mount, compared, *cores, senses=Senses(), ranges=None).run()
     return compared.samples
@@ -141,6 +151,12 @@ def _percentiles(errors: np.ndarray) -> tuple[str, str]:
     return f"{half:.1%}", f"{most:.1%}"
 
 
+def kinds(group: Mapping[str, object], episodes: int) -> list[str]:
+    """Names of scenarios: all, or evenly so many of them as there are episodes."""
+    names = list(group)
+    return names[:: max(1, len(names) // episodes)]
+
+
 def closed_loops(episodes: int, seed: int, jobs: int) -> str:
     """How robots without a ring follow, as Markdown."""
     lines = [
@@ -149,7 +165,7 @@ def closed_loops(episodes: int, seed: int, jobs: int) -> str:
     ]
     for senses in (Senses(ranges=False), Senses(ranges=False, depth=True)):
         stack = replace(load_stack("simulated boxes", None), senses=senses)
-        tasks = spread(list(SCENARIOS), episodes, seed)
+        tasks = spread(kinds(SCENARIOS, episodes), episodes, seed)
         results = run_all(partial(run_episode, stack), tasks, jobs, lambda: None)
         report = make_report(results, seed, stack.mode, 1.0, senses=senses)
         print(f"{senses}: done", file=sys.stderr)
@@ -169,7 +185,7 @@ def main(
     """Measure, and print the tables."""
     stack, many = load_stack("simulated boxes", None), jobs or os.cpu_count() or 1
     for name, group in (("upright", SCENARIOS), ("postures", POSTURES)):
-        tasks = spread(list(group), episodes, seed)
+        tasks = spread(kinds(group, episodes), episodes, seed)
         with workers(min(many, len(tasks))) as pool:
             found = [pool.submit(samples_of, stack, task) for task in tasks]
             samples = [sample for one in found for sample in one.result(EPISODE_S)]

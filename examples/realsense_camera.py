@@ -109,7 +109,7 @@ def serve(context: ServiceContext[Settings]) -> None:
             size = s.width_px, s.height_px
             header = image_header(identity, picture, (seq, seq), size, time.time_ns(), 0)
             images.send(header, picture)
-            depths.send(header, depth_mm)
+            depths.send(identity, header, depth_mm, 0)
             if isinstance(ground, GroundCamera):
                 ranges.send(Ranges(seq=seq, sectors=depth_sectors(depth_mm, ground)), 0.0)
             context.statistics.input(now_s)

@@ -157,7 +157,8 @@ class Bridge:
         try:
             found = self._pairs.depth(message)
             if found is not None:
-                publisher.send(*found)
+                header, depth_mm = found
+                publisher.send(self._identity, header, depth_mm, header.age_ns)
         except HeelError as error:
             self._context.warn.warning("depth", f"{error}", now_s)
             self._context.statistics.problem("depth", f"no depth: {error}", now_s + _TOLD_S)

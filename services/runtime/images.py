@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.schemas import EndOfStream, Header, MessageError, Progress, decode, encode, keys
+from heel.schemas import EndOfStream, FrameId, Header, MessageError, Progress, decode, encode, keys
 from heel.schemas.image import DEPTH, JPEG, RAW, encode_depth, encode_image
 from heel.services.runtime import qos
 from heel.services.runtime.frame_memory import FrameMemory
@@ -149,12 +149,16 @@ class DepthPublisher:
         self._publisher = context.publisher(keys.depth(context.settings.camera), qos.DEPTH)
         self._memory = FrameMemory(_DEPTHS_IN_FLIGHT, context.log)
 
-    def send(self, header: Header, depth_mm: NDArray[np.uint16]) -> None:
+    def send(
+        self, identity: StreamIdentity, frame: FrameId, depth_mm: NDArray[np.uint16], age_ns: int
+    ) -> None:
         """Send the depth of one frame.
 
         Args:
-            header: of the frame's picture.
+            identity: of the stream.
+            frame: that it is of.
             depth_mm: (H, W) uint16, of the same view, 0 where nothing was measured.
+            age_ns: monotonic time since acquisition.
 
         Raises:
             MessageError: it is larger than the cap.
@@ -162,9 +166,9 @@ class DepthPublisher:
         if not self._publisher.has_listeners:
             return
         height, width = depth_mm.shape
-        own = header.model_copy(
-            update={"width": width, "height": height, "source_width": width,
-                    "source_height": height, "image_encoding": DEPTH}
+        header = Header(
+            **frame.frame_id().model_dump(), width=width, height=height, source_width=width,
+            source_height=height, image_encoding=DEPTH, producer=identity.producer, age_ns=age_ns,
         )  # fmt: skip
         held = self._memory.hold(encode_depth(depth_mm))
-        self._publisher.send_bytes(held, DEPTH, encode(own))
+        self._publisher.send_bytes(held, DEPTH, encode(header))

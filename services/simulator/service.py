@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import cv2
 
-from heel.schemas import CameraInfo, DriveState, EndOfStream, FrameId, Header, Ranges, Taken, keys
+from heel.schemas import CameraInfo, DriveState, EndOfStream, FrameId, Ranges, Taken, keys
 from heel.services.geometry.depth import depth_sectors
 from heel.services.runtime import qos
 from heel.services.runtime.clock import monotonic_clock
@@ -178,6 +178,8 @@ class SimulatorService:
             monotonic_ns=started_ns,
         )  # fmt: skip
         self._taken.send(taken, 0.0)
+        if self._depth is not None and episode.renderer is not None:
+            self._send_depth(self._depth, episode, episode.renderer, frame, started_ns)
         if self._blobs is not None:
             blobs = episode.detector.detect(world, frame)
             self._blobs.send(blobs, (time.monotonic_ns() - started_ns) * 1e-9)
@@ -197,14 +199,14 @@ class SimulatorService:
             time.monotonic_ns() - acquired_ns,
         )  # fmt: skip
         self._image.send(header, image)
-        if self._depth is not None:
-            self._send_depth(self._depth, episode, renderer, header)
 
     def _send_depth(
-        self, publisher: DepthPublisher, episode: _Episode, renderer: Renderer, header: Header
-    ) -> None:
+        self, publisher: DepthPublisher, episode: _Episode, renderer: Renderer, frame: FrameId,
+        acquired_ns: int,
+    ) -> None:  # fmt: skip
+        """Before the people, who are known at once where they are the simulator's own boxes."""
         depth_mm = renderer.measure(episode.world)
-        publisher.send(header, depth_mm)
+        publisher.send(episode.identity, frame, depth_mm, time.monotonic_ns() - acquired_ns)
         self._send_ranges(
             Ranges(seq=self._scans, sectors=depth_sectors(depth_mm, lens(self._mount)))
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections import deque
 
 from heel.schemas import CameraInfo, EndOfStream, Header, MessageError, Tracks, decode, keys
@@ -23,6 +24,9 @@ _KEPT = 12
 """Depth pictures kept until the people of their frame are known: half a second at 24 a second."""
 _SILENT_S = 1.0
 """Silence after which health says that depth is missing; chosen by hand: some tens of frames."""
+_WAIT_S = 0.02
+"""Longest wait for the depth of a frame whose people are known already, while depth comes; chosen
+by hand: a third of what a robot needs to obey. Depth is computed from pictures, as people are."""
 _DETAIL = "distances"
 """Of health: what the distances of people rest on."""
 
@@ -41,6 +45,7 @@ class DepthInput:
             "depth", qos.DEPTH, context.statistics, context.warn, primary=False
         )
         self._arrivals: deque[Arrival] = deque(maxlen=_KEPT)
+        self._arrived = threading.Event()
         self._kept: deque[tuple[Header, Arrival]] = deque(maxlen=_KEPT)
         self._info: CameraInfo | None = None
         self._router = router_host(context.session)
@@ -58,7 +63,11 @@ class DepthInput:
             near = image_key(camera, info.host, self._router, here) == keys.image(camera)
             if near and not self._subscribed:
                 self._subscribed = True
-                self._context.inbox.hear(keys.depth(camera), qos.DEPTH, self._arrivals.append)
+                self._context.inbox.hear(keys.depth(camera), qos.DEPTH, self._take)
+
+    def _take(self, arrival: Arrival) -> None:
+        self._arrivals.append(arrival)
+        self._arrived.set()
 
     def _hear_info(self, arrival: Arrival) -> None:
         try:
@@ -79,6 +88,8 @@ class DepthInput:
             reason = f"no depth for {_SILENT_S:g} s: distances rest on boxes again"
         if self._context.statistics.problem("depth", reason):
             self._context.log.info("%s", reason or "depth is heard again")
+        if silent_s <= _SILENT_S and tracks.tracks:
+            self._await(tracks)
         depth_mm, camera = self._depth(tracks), self._camera(tracks)
         if depth_mm is None or camera is None:
             words = "by boxes: no depth of this frame" if camera else "by boxes: no field of view"
@@ -86,6 +97,18 @@ class DepthInput:
             return tracks
         self._context.statistics.detail(_DETAIL, "by depth")
         return with_depth(tracks, depth_mm, camera)
+
+    def _await(self, tracks: Tracks) -> None:
+        """Until the depth of a frame is there or cannot come any more, a moment at most."""
+        deadline_s = time.monotonic() + _WAIT_S
+        while True:
+            self._arrived.clear()
+            self._judge_arrivals()
+            newest = self._kept[-1][0] if self._kept else None
+            if newest is not None and newest.epoch == tracks.epoch and newest.seq >= tracks.seq:
+                return
+            if not self._arrived.wait(max(0.0, deadline_s - time.monotonic())):
+                return
 
     def _ask_info(self, now_s: float) -> None:
         try:
