@@ -18,7 +18,7 @@ endef
 .PHONY: help demo test release check lint layers types docs test-docker test-ros2 test-slow mutants same same-short bench results peers clean
 
 help:  ## list the targets
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  \1\t/' | expand -t 16
+	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /  \1\t/' | expand -t 16
 
 $(READY): pyproject.toml constraints.txt
 	$(CHECK_PYTHON)
@@ -43,10 +43,11 @@ test: $(READY)  ## unit and integration tests
 test-docker: $(READY)  ## the same services in containers
 	$(BIN)/python -m pytest -m docker
 
-test-ros2: pyproject.toml constraints.txt  ## the bridge beside a real rclpy robot, in an environment of its own
+test-ros2: pyproject.toml constraints.txt  ## the bridge beside robots of rclpy and of rmw_zenoh, in an environment of its own
 	$(CHECK_PYTHON)
 	$(PYTHON) -m venv .venv-ros2
-	.venv-ros2/bin/python -m pip install --quiet -c constraints.txt --editable '.[ros2]' pytest pytest-timeout hypothesis
+	.venv-ros2/bin/python -m pip install --quiet -c constraints.txt --editable '.[ros2,ros2-zenoh,sim]' \
+		pytest pytest-timeout hypothesis pycdr2 zenoh-ros2-sdk
 	.venv-ros2/bin/python -m pytest tests/ros2 -p no:cacheprovider
 
 test-slow: $(READY)  ## what takes minutes

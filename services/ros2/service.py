@@ -39,6 +39,7 @@ from heel.services.ros2.convert import (
     sectors_of,
 )
 from heel.services.ros2.depth import DepthPairs, obstacles, stamp_ns
+from heel.services.ros2.joining import joined
 from heel.services.ros2.node import Heard, RosNode
 from heel.services.ros2.settings import Ros2Settings
 from heel.services.ros2.telling import Telling
@@ -118,6 +119,8 @@ class Bridge:
 
     def _hear(self, heard: Heard) -> None:
         now_s = time.monotonic()
+        for name, reason in heard.unread.items():
+            self._context.warn.warning(f"ros {name}", reason, now_s)
         if heard.stops:
             self._stop()
         if heard.info is not None:
@@ -267,7 +270,7 @@ class Bridge:
 def serve(context: ServiceContext[Ros2Settings]) -> None:
     """Bridge until the service is stopped."""
     with ExitStack() as resources:
-        node = resources.enter_context(RosNode(context.settings, time.monotonic_ns))
+        node = resources.enter_context(joined(context.settings))
         Bridge(context, node, resources).run()
 
 

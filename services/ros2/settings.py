@@ -20,6 +20,14 @@ class Ros2Settings(ServiceSettings):
         False,
         description="say which topics, types and QoS the robot has and what does not fit; end",
     )
+    rmw: Literal["dds", "zenoh"] = Field(
+        "dds", description="how the robot's ROS speaks: dds by rclpy, with the middleware of its "
+        "RMW_IMPLEMENTATION; zenoh as rmw_zenoh does, without any ROS here"
+    )  # fmt: skip
+    ros_router: str = Field(
+        "tcp/127.0.0.1:7447", max_length=256, description="router of the robot's rmw_zenoh, with "
+        "rmw zenoh"
+    )  # fmt: skip
     node: str = Field(
         "heel", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,63}$", description="name of the ROS node"
     )

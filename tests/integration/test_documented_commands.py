@@ -231,6 +231,15 @@ NOT_RUN = {
     "pip install ros-rclpy ros-geometry-msgs ros-nav-msgs ros-sensor-msgs ros-rmw-fastrtps-cpp":
         "100 packages; make test-ros2 installs them",
     "pip install ros-visualization-msgs ros-diagnostic-msgs": "as above",
+    ".venv-ros2/bin/python -m benchmarks.ros2 --write docs/records/ros2.md":
+        "needs rclpy, minutes long",
+    "python -m benchmarks.ros2_loop --python .venv-ros2/bin/python --model person-192 "
+    "--write docs/records/ros2.md": "needs rclpy, a quarter of an hour",
+    "python -m benchmarks.ros2_loop --python .venv-ros2/bin/python --no-episodes --kills 20 "
+    "--write docs/records/ros2.md": "needs rclpy, minutes long",
+    "pip install rosbags": "in [all]",
+    "heel ros2 --rmw zenoh --check": "needs a robot; tests/integration/test_ros2_zenoh.py has one",
+    "heel ros2 --rmw zenoh --ros-router tcp/127.0.0.1:7447 --horizontal-fov-deg 69": "as above",
     "heel ros2 --check": "needs a robot's ROS; tests/ros2 runs the bridge beside one",
     "heel ros2 --image-topic camera/image_raw --command-topic cmd_vel --horizontal-fov-deg 69":
         "needs a robot's ROS; tests/ros2 runs the bridge beside one",

@@ -99,6 +99,7 @@ def test_every_extra_is_in_all_and_every_hint_names_what_pip_finds_anywhere() ->
         "neural",
         "record",
         "ros2",
+        "ros2-zenoh",
         "secure",
         "sim",
         "all",

@@ -1,4 +1,4 @@
-"""A real rclpy robot in this process, Heel's bridge and drive in others: `make test-ros2`.
+"""A robot of other people's code in this process, bridge and drive in others: `make test-ros2`.
 
 Needs rclpy, in an environment of its own; the conversions alone are tested without.
 """
@@ -9,17 +9,16 @@ import array
 import math
 import os
 import signal
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pytest
 import zenoh
 
+from benchmarks.ros.robots import Robot, dds_robot, speed, zenoh_robot
 from heel.schemas import (
     CameraInfo,
     EStop,
@@ -39,56 +38,21 @@ from tests.support.driving import drive_process
 from tests.support.network import wait_until
 from tests.support.processes import Running, finished, running
 
-rclpy = pytest.importorskip("rclpy", reason="no ROS 2 here: make test-ros2 brings it")
+pytest.importorskip("rclpy", reason="no ROS 2 here: make test-ros2 brings it")
+pytest.importorskip("zenoh_ros2_sdk", reason="make test-ros2 brings it")
 DOMAIN = str(1 + os.getpid() % 99)
 os.environ.update(ROS_DOMAIN_ID=DOMAIN, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
 # ROS's own modules have some.
 pytestmark = pytest.mark.filterwarnings("default::DeprecationWarning")
 PERIOD_S = 0.02
 """Of the drive."""
+ROBOTS = {"dds": dds_robot, "zenoh": zenoh_robot}
 
 
-@dataclass
-class Base:
-    """The robot's side: publishes sensors, hears velocities."""
-
-    node: Any
-    heard: list[tuple[float, float, float]] = field(default_factory=list)
-    """Monotonic time, m/s and rad/s."""
-
-    @property
-    def speed(self) -> float | None:
-        """The newest velocity ahead."""
-        return self.heard[-1][1] if self.heard else None
-
-
-@pytest.fixture(scope="module")
-def base() -> Iterator[Base]:
-    from geometry_msgs.msg import Twist
-    from rclpy.executors import SingleThreadedExecutor
-
-    rclpy.init(args=[])
-    node = rclpy.create_node("robot")
-    robot, over = Base(node), threading.Event()
-
-    def hear(message: Any) -> None:
-        robot.heard.append((time.monotonic(), message.linear.x, message.angular.z))
-
-    node.create_subscription(Twist, "cmd_vel", hear, 50)
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-
-    def spin() -> None:
-        while not over.is_set():
-            executor.spin_once(timeout_sec=0.02)
-
-    thread = threading.Thread(target=spin)
-    thread.start()
-    yield robot
-    over.set()
-    thread.join(5)
-    node.destroy_node()
-    rclpy.shutdown()
+@pytest.fixture(scope="module", params=ROBOTS)
+def base(request: pytest.FixtureRequest) -> Iterator[Robot]:
+    with ROBOTS[request.param]() as robot:
+        yield robot
 
 
 @pytest.fixture(scope="module")
@@ -104,11 +68,11 @@ def session(endpoint: str) -> Iterator[zenoh.Session]:
 
 
 @pytest.fixture(scope="module")
-def bridge(endpoint: str) -> Iterator[Running]:
+def bridge(endpoint: str, base: Robot) -> Iterator[Running]:
     command = ("-P", "-m", "heel.services.ros2", "--connect", endpoint, "--estop-topic", "estop",
                "--depth-topic", "camera/depth",
                "--people-topic", "people", "--diagnostics-topic", "diagnostics",
-               "--log-level", "info")  # fmt: skip
+               "--log-level", "info", *base.flags)  # fmt: skip
     with running(
         *command, ROS_DOMAIN_ID=DOMAIN, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST"
     ) as process:
@@ -116,24 +80,11 @@ def bridge(endpoint: str) -> Iterator[Running]:
         yield process
 
 
-def sensors(base: Base) -> dict[str, Any]:
-    from nav_msgs.msg import Odometry as RosOdometry
-    from sensor_msgs.msg import CameraInfo as RosInfo
-    from sensor_msgs.msg import Image, LaserScan
-    from std_msgs.msg import Bool
-
-    qos = rclpy.qos.qos_profile_sensor_data
-    kinds = {"camera/image_raw": Image, "camera/depth": Image, "camera/camera_info": RosInfo,
-             "scan": LaserScan, "odom": RosOdometry, "estop": Bool}  # fmt: skip
-    return {topic: base.node.create_publisher(kind, topic, qos) for topic, kind in kinds.items()}
-
-
-def test_camera_scan_and_odometry_arrive(base: Base, bridge: Running, session: Any) -> None:
+def test_camera_scan_and_odometry_arrive(base: Robot, bridge: Running, session: Any) -> None:
     from nav_msgs.msg import Odometry as RosOdometry
     from sensor_msgs.msg import CameraInfo as RosInfo
     from sensor_msgs.msg import Image, LaserScan
 
-    publishers = sensors(base)
     pixels = np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8)
     image = Image(height=48, width=64, encoding="rgb8", step=192)
     image.data = array.array("B", pixels.tobytes())
@@ -151,11 +102,11 @@ def test_camera_scan_and_odometry_arrive(base: Base, bridge: Running, session: A
         )  # fmt: skip
 
         def arrived() -> bool:
-            publishers["camera/camera_info"].publish(info)
-            image.header.stamp = base.node.get_clock().now().to_msg()
-            publishers["camera/image_raw"].publish(image)
-            publishers["scan"].publish(scan)
-            publishers["odom"].publish(odometry)
+            base.publish("camera/camera_info", info)
+            image.header.stamp.sec, image.header.stamp.nanosec = divmod(time.time_ns(), 10**9)
+            base.publish("camera/image_raw", image)
+            base.publish("scan", scan)
+            base.publish("odom", odometry)
             time.sleep(0.05)
             return all(queue.qsize() > 2 for queue in (images, scans, places)) and infos.qsize() > 0
 
@@ -178,11 +129,10 @@ def test_camera_scan_and_odometry_arrive(base: Base, bridge: Running, session: A
 
 
 def test_depth_arrives_under_the_header_of_its_picture(
-    base: Base, bridge: Running, session: Any
+    base: Robot, bridge: Running, session: Any
 ) -> None:
     from sensor_msgs.msg import Image
 
-    publishers = sensors(base)
     image = Image(height=48, width=64, encoding="bgr8", step=192)
     image.data = array.array("B", bytes(48 * 192))
     metres = np.linspace(0.5, 4.0, 24 * 32, dtype=np.float32).reshape(24, 32)
@@ -195,9 +145,10 @@ def test_depth_arrives_under_the_header_of_its_picture(
     ):
 
         def arrived() -> bool:
-            image.header.stamp = depth.header.stamp = base.node.get_clock().now().to_msg()
-            publishers["camera/image_raw"].publish(image)
-            publishers["camera/depth"].publish(depth)
+            for header in (image.header, depth.header):
+                header.stamp.sec, header.stamp.nanosec = divmod(time.time_ns(), 10**9)
+            base.publish("camera/image_raw", image)
+            base.publish("camera/depth", depth)
             time.sleep(0.05)
             return depths.qsize() > 2
 
@@ -213,52 +164,32 @@ def test_depth_arrives_under_the_header_of_its_picture(
 
 
 def test_velocities_come_at_the_drives_rate_and_are_zero_once_it_is_killed(
-    base: Base, bridge: Running, endpoint: str, session: Any
+    base: Robot, bridge: Running, endpoint: str, session: Any
 ) -> None:
     with drive_process(endpoint, session) as drive, drive.commanded():
-        wait_until(lambda: (base.speed or 0.0) > 0.0, "a velocity", 20.0)
+        wait_until(lambda: (speed(base) or 0.0) > 0.0, "a velocity", 20.0)
         base.heard.clear()
         time.sleep(1.0)
         steps = np.diff([t_s for t_s, _, _ in base.heard])
         assert np.median(steps) == pytest.approx(PERIOD_S, abs=PERIOD_S)
         drive.process.process.send_signal(signal.SIGKILL)
         killed_s = time.monotonic()
-        wait_until(lambda: base.speed == 0.0, "zero", 5.0)
+        wait_until(lambda: speed(base) == 0.0, "zero", 5.0)
         zero_s = next(t for t, linear, _ in base.heard if t > killed_s and linear == 0.0)
         assert zero_s - killed_s < 1.0
         time.sleep(0.3)
         assert all(linear == 0.0 for t, linear, _ in base.heard if t >= zero_s)
 
 
-def test_the_robots_stop_button_engages_the_emergency_stop(
-    base: Base, bridge: Running, session: Any
-) -> None:
-    from std_msgs.msg import Bool
-
-    publisher = sensors(base)["estop"]
-    with network.collected(session, keys.FOLLOW_ESTOP) as stops:
-
-        def stopped() -> bool:
-            publisher.publish(Bool(data=True))
-            time.sleep(0.05)
-            return stops.qsize() > 0
-
-        wait_until(stopped, "the stop", 10.0)
-        told = decode(EStop, stops.get().payload.to_bytes())
-    assert told.engaged
-    assert "estop" in told.source
-
-
 def test_people_are_drawn_where_they_stand_at_the_time_of_their_picture(
-    base: Base, bridge: Running, session: Any
+    base: Robot, bridge: Running, session: Any
 ) -> None:
     from sensor_msgs.msg import CameraInfo as RosInfo
     from sensor_msgs.msg import Image
     from visualization_msgs.msg import Marker, MarkerArray
 
     heard: list[Any] = []
-    listener = base.node.create_subscription(MarkerArray, "people", heard.append, 10)
-    publishers = sensors(base)
+    listener = base.listen("people", MarkerArray, heard.append)
     image = Image(height=48, width=64, encoding="bgr8", step=192)
     image.data = array.array("B", bytes(48 * 192))
     image.header.stamp.sec, image.header.stamp.nanosec = 1234, 5678
@@ -271,8 +202,8 @@ def test_people_are_drawn_where_they_stand_at_the_time_of_their_picture(
     with network.collected(session, keys.image("front")) as images:
 
         def arrived() -> bool:
-            publishers["camera/camera_info"].publish(RosInfo())
-            publishers["camera/image_raw"].publish(image)
+            base.publish("camera/camera_info", RosInfo())
+            base.publish("camera/image_raw", image)
             time.sleep(0.05)
             while images.qsize():
                 header = decode(Header, images.get().attachment.to_bytes())
@@ -291,53 +222,79 @@ def test_people_are_drawn_where_they_stand_at_the_time_of_their_picture(
     assert body.header.frame_id == "base_link"
     assert (body.header.stamp.sec, body.header.stamp.nanosec) == (1234, 5678)
     assert 0 < body.lifetime.nanosec < 10**9
-    base.node.destroy_subscription(listener)
+    listener()
 
 
 def test_health_of_every_part_comes_as_diagnostics(
-    base: Base, bridge: Running, endpoint: str, session: Any
+    base: Robot, bridge: Running, endpoint: str, session: Any
 ) -> None:
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
     heard: list[Any] = []
-    listener = base.node.create_subscription(DiagnosticArray, "diagnostics", heard.append, 10)
+    listener = base.listen("diagnostics", DiagnosticArray, heard.append)
 
     def latest() -> dict[str, Any]:
         return {one.name: one for one in heard[-1].status} if heard else {}
 
+    def level(name: str) -> bytes:
+        """As rclpy has it; to others a byte is a number."""
+        return bytes([latest()[name].level]) if isinstance(latest()[name].level, int) else (
+            latest()[name].level
+        )  # fmt: skip
+
     with drive_process(endpoint, session) as drive:
         wait_until(lambda: len(latest()) >= 2, "two parts", 20.0)
         (name,) = (name for name in latest() if name.startswith("heel: drive/"))
-        wait_until(lambda: latest()[name].level == DiagnosticStatus.OK, "a drive that is well", 9.0)
+        wait_until(lambda: level(name) == DiagnosticStatus.OK, "a drive that is well", 9.0)
         assert any(pair.key == "rate_out_hz" for pair in latest()[name].values)
         drive.process.process.send_signal(signal.SIGKILL)
-        wait_until(lambda: latest()[name].level == DiagnosticStatus.STALE, "it to be stale", 9.0)
+        wait_until(lambda: level(name) == DiagnosticStatus.STALE, "it to be stale", 9.0)
     assert "heel: ros2/main" in latest()
-    base.node.destroy_subscription(listener)
+    listener()
 
 
-def test_the_check_says_what_is_there_and_what_does_not_fit(base: Base, bridge: Running) -> None:
+def test_the_check_says_what_is_there_and_what_does_not_fit(base: Robot, bridge: Running) -> None:
     from visualization_msgs.msg import Marker
 
-    wrong = base.node.create_subscription(Marker, "people", lambda _: None, 10)
+    wrong = base.listen("people", Marker, lambda _: None)
     command = ("-P", "-m", "heel.services.ros2", "--check", "--node", "checking",
-               "--people-topic", "people", "--diagnostics-topic", "diagnostics")  # fmt: skip
+               "--people-topic", "people", "--diagnostics-topic", "diagnostics",
+               *base.flags)  # fmt: skip
     code, out, _ = finished(
         *command, ROS_DOMAIN_ID=DOMAIN, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST", deadline_s=30.0
     )
-    base.node.destroy_subscription(wrong)
+    wrong()
     assert code == 1
     assert "ok     /cmd_vel: geometry_msgs/msg/Twist, 1 listener" in out
     assert "/diagnostics: diagnostic_msgs/msg/DiagnosticArray, no listeners" in out
     assert "wrong  /people: the robot wants visualization_msgs/msg/Marker, not" in out
 
 
+def test_the_robots_stop_button_engages_the_emergency_stop(
+    base: Robot, bridge: Running, session: Any
+) -> None:
+    """After all that drive: a drive that has heard of a stop keeps to it in the next run, too."""
+    from std_msgs.msg import Bool
+
+    with network.collected(session, keys.FOLLOW_ESTOP) as stops:
+
+        def stopped() -> bool:
+            base.publish("estop", Bool(data=True))
+            time.sleep(0.05)
+            return stops.qsize() > 0
+
+        wait_until(stopped, "the stop", 10.0)
+        told = decode(EStop, stops.get().payload.to_bytes())
+    assert told.engaged
+    assert "estop" in told.source
+
+
 def test_the_last_velocities_of_a_bridge_that_ends_are_zero(
-    base: Base, bridge: Running, endpoint: str, session: Any
+    base: Robot, bridge: Running, endpoint: str, session: Any
 ) -> None:
     """Last of all: it ends the bridge."""
     base.heard.clear()
     code, _ = bridge.stop(signal.SIGTERM, 10.0)
     assert code == 0
     wait_until(lambda: len(base.heard) > 0, "the last velocities", 5.0)
-    assert base.speed == 0.0
+    assert speed(base) == 0.0

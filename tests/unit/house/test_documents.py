@@ -46,7 +46,7 @@ def verbs() -> dict[str, set[str]]:
 @cache
 def targets() -> set[str]:
     makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
-    return set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+    return set(re.findall(r"^([a-z0-9-]+):", makefile, re.MULTILINE))
 
 
 def shell_lines() -> list[tuple[str, str]]:

@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 193
+MOST = 195
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,

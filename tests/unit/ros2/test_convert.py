@@ -11,12 +11,13 @@ import pytest
 
 from heel.schemas import HeelError, Ranges
 from heel.services.geometry.ros_pictures import compressed_picture_of, depth_of, picture_of
-from heel.services.ros2.check import End, judged_input, judged_output
+from heel.services.ros2.check import judged_input, judged_output
 from heel.services.ros2.convert import (
     OdometryReader,
     lens_of,
     sectors_of,
 )
+from heel.services.ros2.node import End
 
 BGR = np.dstack([np.full((4, 6), value, np.uint8) for value in (10, 120, 240)])
 
@@ -156,17 +157,27 @@ def test_odometry_starts_at_zero_and_goes_on_where_the_robot_sets_its_frame_anew
 
 
 def test_the_check_says_what_does_not_fit_and_what_next() -> None:
-    wanted = "sensor_msgs/msg/Image"
-    assert not judged_input("/image", wanted, [End(wanted, True)], []).remedy
+    wanted = End("sensor_msgs/msg/Image")
+    assert not judged_input("/image", wanted, [wanted], []).remedy
     assert "/cam" in judged_input("/image", wanted, [], ["/cam"]).remedy
     assert "driver" in judged_input("/image", wanted, [], []).remedy
-    assert judged_input("/image", wanted, [End("std_msgs/msg/Bool", True)], []).remedy
-    twist = "geometry_msgs/msg/Twist"
-    assert judged_output("/cmd_vel", twist, [End(f"{twist}Stamped", True)]).remedy == (
-        "--command-stamped"
-    )
+    assert judged_input("/image", wanted, [End("std_msgs/msg/Bool")], []).remedy
+    twist = End("geometry_msgs/msg/Twist")
+    stamped = End("geometry_msgs/msg/TwistStamped")
+    assert judged_output("/cmd_vel", twist, [stamped]).remedy == "--command-stamped"
+    assert judged_output("/cmd_vel", stamped, [twist]).remedy == "--no-command-stamped"
     assert judged_output("/cmd_vel", twist, []).remedy
-    assert not judged_output("/cmd_vel", twist, [End(twist, True)]).remedy
+    assert not judged_output("/cmd_vel", twist, [twist]).remedy
+
+
+def test_the_check_says_of_a_listener_that_hears_nothing_of_a_type_of_its_name() -> None:
+    ours, theirs = End("geometry_msgs/msg/Twist", False, "RIHS01_ab"), End(
+        "geometry_msgs/msg/Twist", False, "TypeHashNotSupported"
+    )  # fmt: skip
+    assert "TypeHashNotSuppo" in judged_output("/cmd_vel", ours, [ours, theirs]).words
+    assert judged_input("/image", ours, [theirs], []).remedy
+    latched = End(ours.kind, True, ours.type_hash)
+    assert "volatile" in judged_output("/cmd_vel", ours, [latched]).remedy
 
 
 def depth(values: np.ndarray, encoding: str, big: bool = False, padding: int = 0) -> Fields:

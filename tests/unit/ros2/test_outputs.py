@@ -10,7 +10,7 @@ import pytest
 
 from heel.schemas import CameraInfo, Health, HeelError, Track, Tracks
 from heel.services.ros2 import outputs
-from heel.services.ros2.check import End, judged_told
+from heel.services.ros2.check import judged_told
 from heel.services.ros2.convert import (
     ERROR,
     OK,
@@ -20,6 +20,8 @@ from heel.services.ros2.convert import (
     people_of,
     status_of,
 )
+from heel.services.ros2.joining import joined
+from heel.services.ros2.node import End
 from heel.services.ros2.settings import Ros2Settings
 
 INFO = CameraInfo(
@@ -116,27 +118,26 @@ def record(name: str, **defaults: object) -> type:
     return type(name, (), {"__slots__": tuple(defaults), "__init__": made})
 
 
-def vision_messages() -> ModuleType:
+def vision_messages() -> dict[str, type]:
     """vision_msgs 4.1 as its definitions read."""
-    module = ModuleType("vision_msgs.msg")
     point = record("Point2D", x=0.0, y=0.0)
     pose = record("Pose2D", position=point, theta=0.0)
     box = record("BoundingBox2D", center=pose, size_x=0.0, size_y=0.0)
     guess = record("ObjectHypothesis", class_id="", score=0.0)
-    module.__dict__.update(
-        Detection2DArray=record("Detection2DArray", header=None, detections=[]),
-        Detection2D=record("Detection2D", header=None, results=[], bbox=box, id=""),
-        ObjectHypothesisWithPose=record("ObjectHypothesisWithPose", hypothesis=guess, pose=None),
-    )
-    return module
+    return {
+        "Detection2DArray": record("Detection2DArray", header=None, detections=[]),
+        "Detection2D": record("Detection2D", header=None, results=[], bbox=box, id=""),
+        "ObjectHypothesisWithPose": record("ObjectHypothesisWithPose", hypothesis=guess, pose=None),
+    }
 
 
-def test_boxes_become_detections(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "vision_msgs", ModuleType("vision_msgs"))
-    monkeypatch.setitem(sys.modules, "vision_msgs.msg", vision_messages())
+def test_boxes_become_detections() -> None:
+    kinds = vision_messages()
     header = SimpleNamespace(frame_id="camera", stamp=SimpleNamespace(sec=1, nanosec=2))
     people = [PersonThere(5, None, None, (10.0, 20.0, 30.0, 60.0), 0.75, True)]
-    made = outputs.detections(people, header)
+    made = outputs.detections(
+        lambda kind: kinds[kind.removeprefix("vision_msgs/msg/")](), people, header
+    )
     (found,) = made.detections
     assert made.header is found.header is header
     assert (found.bbox.center.position.x, found.bbox.center.position.y) == (20.0, 40.0)
@@ -146,11 +147,21 @@ def test_boxes_become_detections(monkeypatch: pytest.MonkeyPatch) -> None:
     )  # fmt: skip
 
 
-def test_a_package_that_is_missing_is_named_with_its_remedy() -> None:
-    settings = Ros2Settings(detections_topic="people_boxes")
-    (output,) = outputs.outputs_of(settings).values()
+def test_a_package_that_is_missing_is_named_with_its_remedy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for package in ("geometry_msgs", "sensor_msgs", "nav_msgs", "std_msgs"):
+        there = ModuleType(f"{package}.msg")
+        there.__getattr__ = lambda name: object  # type: ignore[method-assign]
+        monkeypatch.setitem(sys.modules, package, ModuleType(package))
+        monkeypatch.setitem(sys.modules, f"{package}.msg", there)
     with pytest.raises(HeelError, match=r"vision_msgs is not there .*apt install ros-\S*-vision"):
-        output.kind()
+        joined(Ros2Settings(detections_topic="people_boxes"))
+
+
+def test_without_any_ros_there_is_one_clear_error() -> None:
+    with pytest.raises(HeelError, match="--rmw zenoh"):
+        joined(Ros2Settings())
 
 
 def test_only_named_topics_are_told_on() -> None:
@@ -158,15 +169,15 @@ def test_only_named_topics_are_told_on() -> None:
     named = Ros2Settings(
         people_topic="people", diagnostics_topic="diagnostics", target_topic="goal_update"
     )
-    assert {name: output.topic for name, output in outputs.outputs_of(named).items()} == {
+    assert {name: topic for name, (topic, _) in outputs.outputs_of(named).items()} == {
         "target": "goal_update", "people": "people", "diagnostics": "diagnostics",
     }  # fmt: skip
 
 
 def test_the_check_minds_a_wrong_type_and_no_lack_of_listeners() -> None:
-    kind = "visualization_msgs/msg/MarkerArray"
+    kind = End("visualization_msgs/msg/MarkerArray")
     assert judged_told("/people", kind, []).remedy == ""
-    assert "1 listener" in judged_told("/people", kind, [End(kind, True)]).words
-    wrong = judged_told("/people", kind, [End("visualization_msgs/msg/Marker", True)])
+    assert "1 listener" in judged_told("/people", kind, [kind]).words
+    wrong = judged_told("/people", kind, [End("visualization_msgs/msg/Marker")])
     assert wrong.remedy
     assert "visualization_msgs/msg/Marker, not" in wrong.words

@@ -1,0 +1,160 @@
+"""The whole loop over ROS 2: a simulated robot's camera in by ROS, its wheels out by ROS.
+
+The robot is a process of rclpy, or of zenoh-ros2-sdk, in an environment of its own; `heel ros2`,
+detector, tracker, follower and drive are Heel's usual processes, by DDS the bridge in the robot's
+environment, else all in one without any ROS. Episodes run in real time and are scored as those of
+`heel scenarios`; kills are SIGKILLs of each of Heel's processes while the robot drives, and count
+until the robot has heard the last velocity that is not zero.
+
+Example run: python -m benchmarks.ros2_loop --python .venv-ros2/bin/python --kills 20
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from benchmarks.common import Write, publish, wait_for
+from benchmarks.ros.stack import CHAIN, Choices, Stack, silence_after
+from heel.schemas import FollowState, HeelError, SimTruth
+from heel.services.loops.scenarios.episode import load_stack, play_and_judge
+from heel.services.loops.scenarios.parallel import EpisodeTask
+from heel.services.loops.scenarios.results import EpisodeResult
+from heel.services.loops.scenarios.witness import Moment, Witness
+from heel.services.runtime.command_line import run_app
+from heel.services.simulator.scenarios import SCENARIOS, scenario
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+BOUND_S = 1.0
+"""Longest time to the last velocity that is not zero [s]: tracks of an older picture than 0.22 s
+count for nothing, a command lives for 0.5 s, the bridge waits 0.2 s for the drive."""
+_DRIVES_MPS = 0.1
+_WATCHED_S = 2.0
+"""Time after a kill in which a velocity that is not zero would be noticed [s]."""
+_DRIVING_S = 40.0
+
+
+class _Log:
+    """Records one episode."""
+
+    def __init__(self, witness: Witness) -> None:
+        self.witness = witness
+
+    def episode(self) -> None:
+        """There is only one."""
+
+    def record(self, truth: SimTruth, state: FollowState | None, people: dict[int, int]) -> None:
+        """As `Recorder.record`."""
+        if state is not None:
+            self.witness.record(Moment.of_truth(truth), state, people)
+
+
+def episode(choices: Choices, task: EpisodeTask) -> EpisodeResult:
+    """Play one and score it."""
+
+    def play(task: EpisodeTask) -> Witness:
+        log = _Log(Witness(scenario(task.scenario, task.seed)))
+        with tempfile.TemporaryDirectory() as folder:
+            with Stack(Path(folder), choices, task.scenario, task.seed) as stack:
+                stack.play(log, lambda truth: truth.contact > 0)
+        return log.witness
+
+    return play_and_judge(lambda one: play(one).log(), load_stack("pixels", None), task)
+
+
+def kill(choices: Choices, name: str, seed: int) -> float:
+    """Milliseconds from SIGKILL to the last velocity that is not zero.
+
+    Raises:
+        HeelError: the robot does not come to drive.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        with Stack(Path(folder), choices, "straight", seed) as stack:
+            begun_s = time.monotonic()
+
+            def drives(_: SimTruth) -> bool:
+                if time.monotonic() - begun_s > _DRIVING_S:
+                    raise HeelError("the robot does not drive: nothing to measure")
+                return bool(stack.told.velocities and stack.told.velocities[-1][1] > _DRIVES_MPS)
+
+            stack.play(_Log(Witness(scenario("straight", seed))), drives)
+            killed_s = stack.kill(name)
+            wait_for(lambda: time.monotonic() - killed_s > _WATCHED_S, 2 * _WATCHED_S, "no time")
+            return silence_after(stack.told.velocities, killed_s) * 1e3
+
+
+def kills_table(times_ms: dict[str, list[float]]) -> str:
+    """Markdown: one line for each process."""
+    lines = ["| killed | trials | p50 | max | bound, ms |", "|---|---|---|---|---|"]
+    for name, values in {**times_ms, "all": [t for one in times_ms.values() for t in one]}.items():
+        if values:
+            lines.append(f"| {name} | {len(values)} | {np.median(values):.0f} | {max(values):.0f} "
+                         f"| {BOUND_S * 1e3:.0f} |")  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def episodes_table(results: list[EpisodeResult]) -> str:
+    """Markdown: one line for each episode, and the sum."""
+    lines = ["| scenario | seed | SR | contact | wrong % |", "|---|---|---|---|---|"]
+    for one in results:
+        scores = one.scores
+        lines.append(f"| {one.scenario} | {one.seed} | {scores.evt.success:.0f} | "
+                     f"{scores.evt.collision:.0f} | {100 * scores.wrong_time:.2f} |")  # fmt: skip
+    success = np.mean([one.scores.evt.success for one in results])
+    lines.append(f"| **all {len(results)}** | | **{success:.2f}** | | |")
+    return "\n".join(lines) + "\n"
+
+
+@app.command()
+def main(
+    python: Annotated[str, typer.Option(help="of an environment with ROS")],
+    rmw: Annotated[str, typer.Option(help="dds or zenoh")] = "dds",
+    names: Annotated[list[str] | None, typer.Option("--scenario", help="these only")] = None,
+    episodes: Annotated[
+        bool, typer.Option("--episodes/--no-episodes", help="play one episode of each")
+    ] = True,
+    kills: Annotated[int, typer.Option(help="SIGKILL trials", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="of the worlds")] = 1,
+    model: Annotated[str, typer.Option(help="network of the detector")] = "none",
+    kept: Annotated[
+        Path | None,
+        typer.Option(
+            help="results of episodes are added to this file, and the table is of all in it"
+        ),
+    ] = None,
+    write: Write = None,
+) -> None:
+    """Play episodes, kill processes, and print what came of it."""
+    choices = Choices(rmw, python, model)
+    results = []
+    if kept is not None and kept.exists():
+        lines = kept.read_text("utf-8").splitlines()
+        results = [EpisodeResult.model_validate_json(line) for line in lines]
+    for name in (names or SCENARIOS) if episodes else ():
+        result = episode(choices, EpisodeTask(name, seed))
+        typer.echo(result.model_dump_json(), err=True)
+        results.append(result)
+        if kept is not None:
+            with kept.open("a", encoding="utf-8") as file:
+                file.write(result.model_dump_json() + "\n")
+    if results and episodes:
+        publish(episodes_table(results), write, f"{rmw} episodes")
+    times_ms: dict[str, list[float]] = {name: [] for name in CHAIN}
+    for trial in range(kills):
+        name = CHAIN[trial % len(CHAIN)]
+        times_ms[name].append(kill(choices, name, seed + trial))
+        typer.echo(f"{name}: {times_ms[name][-1]:.0f} ms", err=True)
+    if kills:
+        publish(kills_table(times_ms), write, f"{rmw} kills")
+    slow = [name for name, values in times_ms.items() if max(values, default=0.0) > BOUND_S * 1e3]
+    if slow:
+        raise HeelError(f"too slow: {', '.join(slow)}")
+
+
+if __name__ == "__main__":
+    run_app(app)
