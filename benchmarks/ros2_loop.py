@@ -11,6 +11,7 @@ Example run: python -m benchmarks.ros2_loop --python .venv-ros2/bin/python --kil
 
 from __future__ import annotations
 
+import json
 import tempfile
 import time
 from pathlib import Path
@@ -122,38 +123,49 @@ def main(
     seed: Annotated[int, typer.Option(help="of the worlds")] = 1,
     model: Annotated[str, typer.Option(help="network of the detector")] = "none",
     kept: Annotated[
-        Path | None,
-        typer.Option(
-            help="results of episodes are added to this file, and the table is of all in it"
-        ),
+        Path | None, typer.Option(help="folder to which results are added; tables are of all in it")
     ] = None,
     write: Write = None,
 ) -> None:
     """Play episodes, kill processes, and print what came of it."""
     choices = Choices(rmw, python, model)
-    results = []
-    if kept is not None and kept.exists():
-        lines = kept.read_text("utf-8").splitlines()
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) if kept is None else kept
+        folder.mkdir(parents=True, exist_ok=True)
+        played, killed = folder / f"{rmw}-episodes.jsonl", folder / f"{rmw}-kills.jsonl"
+        for name in (names or SCENARIOS) if episodes else ():
+            _add(played, episode(choices, EpisodeTask(name, seed)).model_dump_json())
+        for trial in range(kills):
+            name = CHAIN[trial % len(CHAIN)]
+            _add(killed, json.dumps([name, kill(choices, name, seed + trial)]))
+        _tell(played, killed, rmw, write)
+
+
+def _add(file: Path, line: str) -> None:
+    typer.echo(line, err=True)
+    with file.open("a", encoding="utf-8") as stream:
+        stream.write(line + "\n")
+
+
+def _tell(played: Path, killed: Path, rmw: str, write: Path | None) -> None:
+    """Print the tables of what there is.
+
+    Raises:
+        HeelError: a kill took longer than it may.
+    """
+    if played.exists():
+        lines = played.read_text("utf-8").splitlines()
         results = [EpisodeResult.model_validate_json(line) for line in lines]
-    for name in (names or SCENARIOS) if episodes else ():
-        result = episode(choices, EpisodeTask(name, seed))
-        typer.echo(result.model_dump_json(), err=True)
-        results.append(result)
-        if kept is not None:
-            with kept.open("a", encoding="utf-8") as file:
-                file.write(result.model_dump_json() + "\n")
-    if results and episodes:
         publish(episodes_table(results), write, f"{rmw} episodes")
-    times_ms: dict[str, list[float]] = {name: [] for name in CHAIN}
-    for trial in range(kills):
-        name = CHAIN[trial % len(CHAIN)]
-        times_ms[name].append(kill(choices, name, seed + trial))
-        typer.echo(f"{name}: {times_ms[name][-1]:.0f} ms", err=True)
-    if kills:
+    if killed.exists():
+        times_ms: dict[str, list[float]] = {name: [] for name in CHAIN}
+        for line in killed.read_text("utf-8").splitlines():
+            name, time_ms = json.loads(line)
+            times_ms[name].append(time_ms)
         publish(kills_table(times_ms), write, f"{rmw} kills")
-    slow = [name for name, values in times_ms.items() if max(values, default=0.0) > BOUND_S * 1e3]
-    if slow:
-        raise HeelError(f"too slow: {', '.join(slow)}")
+        slow = [name for name, all_ms in times_ms.items() if max(all_ms, default=0) > BOUND_S * 1e3]
+        if slow:
+            raise HeelError(f"too slow: {', '.join(slow)}")
 
 
 if __name__ == "__main__":
