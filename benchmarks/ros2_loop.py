@@ -4,7 +4,7 @@ The robot is a process of rclpy, or of zenoh-ros2-sdk, in an environment of its 
 detector, tracker, follower and drive are Heel's usual processes, by DDS the bridge in the robot's
 environment, else all in one without any ROS. Episodes run in real time and are scored as those of
 `heel scenarios`; kills are SIGKILLs of each of Heel's processes while the robot drives, and count
-until the robot has heard the last velocity that is not zero.
+until its base stands: it has heard zero, or nothing for 0.2 s.
 
 Example run: python -m benchmarks.ros2_loop --python .venv-ros2/bin/python --kills 20
 """
@@ -21,7 +21,7 @@ import numpy as np
 import typer
 
 from benchmarks.common import Write, publish, wait_for
-from benchmarks.ros.stack import CHAIN, Choices, Stack, silence_after
+from benchmarks.ros.stack import CHAIN, Choices, Stack, stands_after
 from heel.schemas import FollowState, HeelError, SimTruth
 from heel.services.loops.scenarios.episode import load_stack, play_and_judge
 from heel.services.loops.scenarios.parallel import EpisodeTask
@@ -32,7 +32,7 @@ from heel.services.simulator.scenarios import SCENARIOS, scenario
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 BOUND_S = 1.0
-"""Longest time to the last velocity that is not zero [s]: tracks of an older picture than 0.22 s
+"""Longest time until the base stands [s]: tracks of an older picture than 0.22 s
 count for nothing, a command lives for 0.5 s, the bridge waits 0.2 s for the drive."""
 _DRIVES_MPS = 0.1
 _WATCHED_S = 2.0
@@ -69,7 +69,7 @@ def episode(choices: Choices, task: EpisodeTask) -> EpisodeResult:
 
 
 def kill(choices: Choices, name: str, seed: int) -> float:
-    """Milliseconds from SIGKILL to the last velocity that is not zero.
+    """Milliseconds from SIGKILL until the base stands.
 
     Raises:
         HeelError: the robot does not come to drive.
@@ -86,7 +86,7 @@ def kill(choices: Choices, name: str, seed: int) -> float:
             stack.play(_Log(Witness(scenario("straight", seed))), drives)
             killed_s = stack.kill(name)
             wait_for(lambda: time.monotonic() - killed_s > _WATCHED_S, 2 * _WATCHED_S, "no time")
-            return silence_after(stack.told.velocities, killed_s) * 1e3
+            return stands_after(stack.told.velocities, killed_s) * 1e3
 
 
 def kills_table(times_ms: dict[str, list[float]]) -> str:

@@ -34,6 +34,7 @@ from heel.services.runtime import qos
 from heel.services.runtime.inbox import Inbox
 from heel.services.runtime.process import PARENT_VARIABLE
 from heel.services.runtime.router import open_private_router
+from heel.services.simulator.wheels import TIMEOUT_S
 
 CHAIN = ("ros2", "detector", "tracker", "follower", "drive")
 """What is ours between the robot's camera and its wheels."""
@@ -238,7 +239,19 @@ def _seq_of(stamps: list[int], t_ns: int) -> int | None:
     return best if best is not None and abs(stamps[best] - t_ns) <= _NEAR_NS else None
 
 
-def silence_after(velocities: list[tuple[float, float, float]], since_s: float) -> float:
-    """Seconds from a moment to the last velocity that is not zero; 0 where none came after it."""
-    moving = [t_s for t_s, linear, angular in velocities if (linear or angular) and t_s > since_s]
-    return max(moving, default=since_s) - since_s
+def stands_after(velocities: list[tuple[float, float, float]], since_s: float) -> float:
+    """Seconds from a moment to when the base stands for good; 0 where it stood before.
+
+    It does when it hears zero, or when it has heard nothing for as long as bases wait.
+
+    Args:
+        velocities: monotonic time, m/s and rad/s of each that it heard.
+        since_s: the moment, by the same clock.
+    """
+    moving = [at for at, (_, linear, angular) in enumerate(velocities) if linear or angular]
+    if not moving:
+        return 0.0
+    stands_s = velocities[moving[-1]][0] + TIMEOUT_S
+    if moving[-1] + 1 < len(velocities):
+        stands_s = min(stands_s, velocities[moving[-1] + 1][0])
+    return max(0.0, stands_s - since_s)

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from benchmarks.ros.nodes import STAGES
-from benchmarks.ros.stack import _seq_of, silence_after
+from benchmarks.ros.stack import _seq_of, stands_after
 from benchmarks.ros2 import Arm, table
 from benchmarks.ros2_loop import kills_table
 
@@ -24,11 +24,13 @@ def test_tracks_are_of_the_picture_with_their_stamp(t_ns: int, seq: int | None) 
     assert _seq_of([], t_ns) is None
 
 
-def test_the_robot_stands_from_its_last_velocity_on() -> None:
-    heard = [(1.0, 0.5, 0.0), (2.1, 0.5, 0.0), (2.3, 0.0, 0.2), (2.4, 0.0, 0.0)]
-    assert math.isclose(silence_after(heard, 2.0), 0.3)
-    assert silence_after(heard, 2.35) == 0.0
-    assert silence_after([], 2.0) == 0.0
+def test_the_base_stands_once_it_hears_zero_or_nothing_for_a_while() -> None:
+    heard = [(1.0, 0.5, 0.0), (2.1, 0.5, 0.0), (2.3, 0.0, 0.2)]
+    assert math.isclose(stands_after([*heard, (2.4, 0.0, 0.0), (2.5, 0.0, 0.0)], 2.0), 0.4)
+    assert math.isclose(stands_after(heard, 2.0), 0.5)
+    assert math.isclose(stands_after([*heard, (2.9, 0.0, 0.0)], 2.0), 0.5)
+    assert stands_after([*heard, (2.4, 0.0, 0.0)], 2.6) == 0.0
+    assert stands_after([], 2.0) == 0.0
 
 
 def test_the_tables_say_what_was_measured() -> None:
