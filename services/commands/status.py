@@ -16,7 +16,15 @@ from heel.services.commands.observed import TOPICS, Observed, facts, sight
 from heel.services.commands.robot import RobotFlags, Where, ask, for_robot
 from heel.services.commands.robots import show_all
 from heel.services.commands.screen import Screen
-from heel.services.runtime.chain import WITHHELD, Part, PartState, Problem, describe, fails
+from heel.services.runtime.chain import (
+    CERTIFICATE,
+    WITHHELD,
+    Part,
+    PartState,
+    Problem,
+    describe,
+    fails,
+)
 from heel.services.runtime.logs import printable
 from heel.services.runtime.process import software_version
 
@@ -140,9 +148,10 @@ def lines(
         if part.health.reason and state == "ok"
     ]
     told += [
-        f"{part.health.service}/{part.health.instance}: {printable(part.health.details[WITHHELD])}"
+        f"{part.health.service}/{part.health.instance}: {printable(part.health.details[detail])}"
+        for detail in (WITHHELD, CERTIFICATE)
         for part, state in rows
-        if WITHHELD in part.health.details and state == "ok"
+        if detail in part.health.details and state == "ok"
     ]
     if heard.watch.unlisted:
         told.append(f"{heard.watch.unlisted} further senders of health are not listed")

@@ -115,7 +115,8 @@ class FollowerService:
                 session, self._out, keys.FOLLOW_COMMAND,
                 ("follower", settings.camera, context.producer), resources, context.log,
             )  # fmt: skip
-            self._succession.lead(None if heard is None else heard.line, state=False)
+            line = None if heard is None else heard.line
+            self._succession.lead(line, state=False, yields=settings.standby and line is None)
         self._state = resources.enter_context(
             Latched(session, keys.FOLLOW_STATE, qos.STATE.for_delivery(context.settings.delivery))
         )
@@ -458,7 +459,7 @@ class FollowerService:
 
     def _catch_up(self) -> None:
         """A follower that restarts must forget neither a stop nor the person chosen."""
-        self._stop.catch_up()
+        self._stop.catch_up(None if self._heard is None else self._heard.stop)
         self._ask_camera()
         if self._heard is not None:
             if self._heard.kept is not None:
@@ -557,8 +558,9 @@ class FollowerService:
         command = command.model_copy(update={"reason": "the follower ends"})
         assert isinstance(command, MotionCommand)
         if self._live:
-            for left in reversed(range(_STOP_REPEATS)):
-                self._out.send(command, 0.0, None if left else successor)
+            for _ in range(_STOP_REPEATS):
+                # In each: they are one command, of which a receiver takes the first that comes.
+                self._out.send(command, 0.0, successor)
 
 
 def _measured_s(received: Received[M]) -> float:

@@ -6,7 +6,7 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 
-from heel.schemas import EndOfStream, FollowState, MotionCommand, Tracks, decode, keys
+from heel.schemas import EndOfStream, EStop, FollowState, MotionCommand, Tracks, decode, keys
 from heel.services.follower.kept import KeptTarget, Scene
 from heel.services.follower.settings import FollowerServiceSettings
 from heel.services.runtime import qos
@@ -14,6 +14,8 @@ from heel.services.runtime.chain import STANDBY
 from heel.services.runtime.inbox import Arrival, Inbox
 from heel.services.runtime.latched import latched_values
 from heel.services.runtime.service import ServiceContext
+from heel.services.runtime.stop_keeper import stop_of
+from heel.services.runtime.stop_latch import StopLatch
 from heel.services.runtime.streams import StreamJudge
 from heel.services.runtime.succession import Line, StandingBy
 
@@ -28,10 +30,12 @@ class Heard:
     Attributes:
         line: of its commands; None: none were heard.
         kept: the person that it followed, if it did.
+        stop: the emergency stop that holds; None: none does.
     """
 
     line: Line | None = None
     kept: KeptTarget | None = None
+    stop: EStop | None = None
 
 
 class StandbyFollower:
@@ -48,6 +52,9 @@ class StandbyFollower:
         self._commands = self._judge("commands", keys.FOLLOW_COMMAND, qos.COMMAND)
         self._tracks = self._judge("tracks", keys.tracks(camera), qos.TRACKS)
         inbox.subscribe("state", keys.FOLLOW_STATE, qos.STATE)
+        inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
+        # The one that hands over, or is gone, does not answer for the stop that it held.
+        self._stop = StopLatch()
         self._state: FollowState | None = None
         self._scene: Scene | None = None
         self._tracker: str | None = None
@@ -59,6 +66,9 @@ class StandbyFollower:
             context.session, keys.FOLLOW_STATE, FollowState, context.log, context.stop
         ):
             self._state = state
+        asked_s = time.monotonic()
+        stops = latched_values(context.session, keys.FOLLOW_ESTOP, EStop, context.log, context.stop)
+        self._stop.hear_answers(stops, asked_s)
         begun_s = time.monotonic()
         standing = StandingBy(context.session, context.producer, resources)
         while context.running and not standing.is_due(begun_s, self._scene is not None):
@@ -73,7 +83,7 @@ class StandbyFollower:
         if context.running:
             whom = "nobody" if kept is None else kept.target.track_id
             context.log.warning("%s: taking over; followed: %s", standing.why, whom)
-        return Heard(standing.line, kept)
+        return Heard(standing.line, kept, self._stop.current)
 
     def _judge(self, topic: str, key: str, how: qos.TopicQos) -> StreamJudge:
         self._inbox.subscribe(topic, key, how)
@@ -85,6 +95,8 @@ class StandbyFollower:
             command = self._commands.message(arrival, MotionCommand)
             if command is not None:
                 standing.hear(command.stamp, command.arrived_s)
+        elif arrival.topic == "estop":
+            self._stop.hear(stop_of(arrival, self._context), arrival.arrived_s)
         elif arrival.topic == "state":
             self._state = decode(FollowState, arrival.payload, arrival.encoding)
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import logging
 import threading
 import time
@@ -11,7 +12,8 @@ import zenoh
 from heel.schemas import Health, encode, keys
 from heel.schemas.base import Name
 from heel.services.runtime import process, qos
-from heel.services.runtime.chain import CHAIN, MISSING
+from heel.services.runtime.certificate import days_left, ends_soon
+from heel.services.runtime.chain import CERTIFICATE, CHAIN, MISSING
 from heel.services.runtime.counters import ServiceStatistics
 from heel.services.runtime.health_file import HealthFile
 from heel.services.runtime.notify import Notifier
@@ -32,6 +34,7 @@ class HealthReporter(threading.Thread):
     Args:
         presence: tells whether the bus is there, and the other parts of the chain.
         notifier: lets `systemctl status` show the state, and is told that the process lives.
+        certificate_until: end of this process's own certificate; None: it has none.
     """
 
     def __init__(
@@ -46,8 +49,10 @@ class HealthReporter(threading.Thread):
         presence: Presence | None = None,
         memory: SharedMemoryWatch | None = None,
         notifier: Notifier | None = None,
+        certificate_until: datetime.datetime | None = None,
     ) -> None:
         super().__init__(name="health", daemon=True)
+        self._certificate_until = certificate_until
         self._notifier = notifier
         self._file, self._presence, self._memory = file, presence, memory
         self._service, self._instance, self._producer = service, instance, producer
@@ -101,6 +106,8 @@ class HealthReporter(threading.Thread):
         rss_mb, peak_rss_mb = process.memory_mb()
         loop_age_s = now_s - (s.last_loop_s or self._started_s)
         problems = [*self._around(now_s), *s.problems(now_s)]
+        if self._certificate_until is not None:
+            s.detail(CERTIFICATE, ends_soon(days_left(self._certificate_until)))
         hung = loop_age_s > (HUNG_S if s.last_loop_s else START_S)
         if hung:
             problems.insert(0, f"the service loop has hung for {loop_age_s:.1f} s: restart it")

@@ -21,6 +21,7 @@ from pydantic import Field, model_validator
 
 from heel.schemas import keys
 from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.certificate import days_left, ends_soon, valid_until
 from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.logs import set_up_logging
 from heel.services.runtime.notify import Notifier
@@ -77,6 +78,11 @@ class RouterSettings(StrictSettings):
     listen: Endpoints = Field(
         ("tcp/127.0.0.1:7447",), description="endpoints to listen on, comma separated"
     )
+    connect: Endpoints = Field(
+        (),
+        description="further routers to link with, comma separated: robots of one are then seen "
+        "and stopped from the other",
+    )
     insecure: bool = Field(
         False, description="allow listening beyond this machine without authentication"
     )
@@ -91,7 +97,9 @@ class RouterSettings(StrictSettings):
     @model_validator(mode="before")
     @classmethod
     def _take_addresses(cls, data: Any) -> Any:
-        return with_addresses_of_file(data, {"listen": "listen/endpoints"})
+        return with_addresses_of_file(
+            data, {"listen": "listen/endpoints", "connect": "connect/endpoints"}
+        )
 
 
 def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Config:
@@ -104,7 +112,7 @@ def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Con
     Raises:
         SettingsError: it would listen beyond loopback unauthenticated, or Zenoh refuses it.
     """
-    check_endpoints(settings.listen, "router")
+    check_endpoints((*settings.listen, *settings.connect), "router")
     if settings.users_file is not None:
         check_users_file(settings.users_file)
     base = _base_config(settings.config_file)
@@ -116,6 +124,11 @@ def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Con
     entries: list[tuple[str, object]] = [
         ("mode", "router"),
         ("listen/endpoints", [_bounded(endpoint) for endpoint in settings.listen]),
+        ("connect/endpoints", [_bounded(endpoint) for endpoint in settings.connect]),
+        # One that is away is no reason not to start: it is linked with once it is there.
+        ("connect/timeout_ms", -1),
+        ("connect/exit_on_failure", False),
+        ("connect/retry", {"period_init_ms": 200, "period_max_ms": 2000}),
         ("scouting/multicast/enabled", False),
         ("queries_default_timeout", int(QUERY_TIMEOUT_S * 1000)),
         ("transport/link/tx/lease", LEASE_MS),
@@ -315,6 +328,9 @@ def _serve(settings: RouterSettings, log: logging.Logger, stop: threading.Event)
     with open_router(settings):
         log.info("router listens on %s", ", ".join(settings.listen))
         notifier.ready()
+        until = valid_until(settings.config_file)
+        if until is not None and (words := ends_soon(days_left(until))) is not None:
+            log.warning("%s: `heel security renew`", words)
         if settings.insecure:
             _warn_if_open(settings, log)
         while not stop.wait(_SWEEP_PERIOD_S):

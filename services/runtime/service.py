@@ -25,6 +25,7 @@ import zenoh
 from heel.schemas import EndOfStream, keys
 from heel.schemas.errors import HeelError, SettingsError
 from heel.services.runtime import process
+from heel.services.runtime.certificate import valid_until
 from heel.services.runtime.chain import CAMERA
 from heel.services.runtime.counters import ServiceStatistics
 from heel.services.runtime.health import HealthReporter
@@ -266,7 +267,7 @@ def _serve(
         memory = SharedMemoryWatch(POOL_BYTES, statistics) if loaded.zenoh.shared_memory else None
         health = HealthReporter(
             session, name, settings.instance, producer, statistics, log, file, presence, memory,
-            notifier,
+            notifier, valid_until(loaded.zenoh.config_file),
         )  # fmt: skip
         stack.callback(health.finish)
         if settings.metrics_port is not None:

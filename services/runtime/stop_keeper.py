@@ -23,6 +23,19 @@ _ASK_PERIOD_S = 1.0
 S = TypeVar("S", bound=ServiceSettings)
 
 
+def stop_of(arrival: Arrival, context: ServiceContext[S]) -> EStop:
+    """What a message on `follow/estop` says; one that cannot be read stops the robot."""
+    try:
+        return decode(EStop, arrival.payload, arrival.encoding)
+    except MessageError as error:
+        context.statistics.malformed += 1
+        context.warn.warning(
+            "estop", f"{arrival.key}: {error}: what cannot be read stops the robot",
+            arrival.arrived_s,
+        )  # fmt: skip
+        return EStop(engaged=True, source="a message that cannot be read")
+
+
 class StopKeeper:
     """Holds the emergency stop on behalf of a service, and agrees about it with the others.
 
@@ -55,12 +68,19 @@ class StopKeeper:
         """Whether the robot has to stand."""
         return self._latch.engaged
 
-    def catch_up(self) -> None:
-        """Before the service starts: look at what was left behind, and ask the others once."""
+    def catch_up(self, held: EStop | None = None) -> None:
+        """Before the service starts: look at what was left behind, and ask the others once.
+
+        Args:
+            held: an engagement that is known from the one that this process takes over from.
+        """
         if (kept := self._kept()) is not None:
             self._latch.restore(kept)
             self._saved = kept
             self._take_over("kept since an earlier run, engaged")
+        if held is not None and held.engaged and not self.engaged:
+            self._latch.restore(held)
+            self._take_over("held by the one before, engaged")
         asked_s = time.monotonic()
         context = self._context
         answers = latched_values(
@@ -80,16 +100,7 @@ class StopKeeper:
 
     def hear(self, arrival: Arrival) -> None:
         """Take a message on `follow/estop`."""
-        try:
-            message = decode(EStop, arrival.payload, arrival.encoding)
-        except MessageError as error:
-            self._context.statistics.malformed += 1
-            self._context.warn.warning(
-                "estop", f"{arrival.key}: {error}: what cannot be read stops the robot",
-                arrival.arrived_s,
-            )  # fmt: skip
-            message = EStop(engaged=True, source="a message that cannot be read")
-        self.take(message, arrival.arrived_s)
+        self.take(stop_of(arrival, self._context), arrival.arrived_s)
 
     def take(self, message: EStop, now_s: float) -> bool:
         """Take a stop or a release, however it came; False if it changes nothing."""

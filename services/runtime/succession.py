@@ -267,9 +267,9 @@ class StandingBy:
         if unanswered_s is None:
             return False
         if self._heard_s is None:
-            alone = self._there <= {self._own}
-            if alone and min(now_s - self._begun_s, now_s - unanswered_s) > _FIRST_S:
-                self.why = f"no {self._service} is there"
+            waited_s = min(now_s - self._begun_s, now_s - unanswered_s, now_s - self._back_s)
+            if waited_s > self._first_s():
+                self.why = f"no {self._service} sends"
             return bool(self.why)
         silent_s = min(now_s - self._heard_s, now_s - unanswered_s, now_s - self._back_s)
         gone = self._leader.partition("@")[0].partition("/")[2] not in self._there
@@ -278,6 +278,17 @@ class StandingBy:
             how = "gone" if gone else f"silent for {silent_s:.1f} s"
             self.why = f"{self._leader} is {how}"
         return bool(self.why)
+
+    def _first_s(self) -> float:
+        """Longest wait [s] for a first message, where input comes.
+
+        Others that are there may stand by as well: then they go one after the other, by their
+        names, or each would wait for all the others.
+        """
+        others = self._there - {self._own}
+        if not others:
+            return _FIRST_S
+        return _NOT_READY_S + _FIRST_S * sum(other < self._own for other in others)
 
     def told(self, ready: bool, why_not: str) -> str:
         """For health: whether it could take over without a loss."""

@@ -117,6 +117,12 @@ ELSEWHERE = {
         "tests/integration/test_robots.py::"
         "test_two_robots_are_listed_and_one_that_ends_is_missed",
     ),
+    **dict.fromkeys(
+        ("heel router --listen tcp/127.0.0.1:7447",
+         "heel router --listen tcp/127.0.0.1:7448 --connect tcp/127.0.0.1:7447"),
+        "tests/integration/test_robots.py::"
+        "test_a_stop_reaches_a_robot_on_another_router_that_is_linked",
+    ),
     "heel follow nearest": _SERVICES,
     "heel stop": _SERVICES,
     "heel resume": _SERVICES,

@@ -14,11 +14,14 @@ from typing import Any
 
 import pytest
 import zenoh
+from typer.testing import CliRunner
 
-from heel.schemas import Message, encode, keys
+from heel.schemas import DriveState, Message, decode, encode, keys
+from heel.services.cli import app
+from heel.services.runtime.router import RouterSettings, open_router
 from heel.services.security.accounts import Account, as_text, hashed
-from tests.support.network import client, router, wait_until
-from tests.support.processes import finished
+from tests.support.network import client, collected, free_port, router, wait_until
+from tests.support.processes import running
 from tests.support.web_client import DEADLINE_S
 from tests.support.web_page import web_process
 from tests.unit.runtime.test_robots import STACK, health
@@ -71,11 +74,10 @@ def test_two_robots_are_listed_and_one_that_ends_is_missed(tmp_path: Path) -> No
             assert not pictures.matching_status.matching, "a list of robots takes no pictures"
             assert not tracks.matching_status.matching
 
-            code, said, complaint = finished(
-                "-m", "heel", "status", "--all", "--connect", endpoint, deadline_s=_START_S
-            )
-            assert (code, complaint) == (0, ""), said
-            assert [line.split()[0] for line in said.splitlines()] == ["robot", "r1", "r2"]
+            done = CliRunner().invoke(app, ["status", "--all", "--connect", endpoint])
+            assert done.exit_code == 0, done.output
+            told = [line.split()[0] for line in done.output.splitlines()]
+            assert told == ["robot", "r1", "r2"]
 
             second.close()
             wait_until(lambda: listed(url) == both | {"r2": True}, "r2 is missed", DEADLINE_S)
@@ -83,6 +85,34 @@ def test_two_robots_are_listed_and_one_that_ends_is_missed(tmp_path: Path) -> No
             for path in ("/api/state", "/snapshot.jpg", "/ws", "/app.js", "/index.html"):
                 with pytest.raises(urllib.error.HTTPError, match="404"):
                     urllib.request.urlopen(url + path, timeout=DEADLINE_S)
+
+
+def test_a_stop_reaches_a_robot_on_another_router_that_is_linked(tmp_path: Path) -> None:
+    far, near = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    off = {"shared_memory": False}
+    linked = RouterSettings.model_validate({"listen": near, "connect": far} | off)
+    drive = ("-m", "heel.services.drive", "--driver", "log", "--namespace", "far")
+    # The first one comes later: a building's routers do not start in order.
+    with open_router(linked), ExitStack() as stack:
+        stack.enter_context(open_router(RouterSettings.model_validate({"listen": far} | off)))
+        stack.enter_context(running(*drive, "--connect", far, HEEL_RUNTIME_DIR=str(tmp_path)))
+        session = stack.enter_context(client(near))
+        states = stack.enter_context(collected(session, f"far/{keys.ROBOT_DRIVE}"))
+
+        def stopped() -> bool:
+            sample = states.get(timeout=_START_S)
+            while not states.empty():
+                sample = states.get()
+            return decode(DriveState, sample.payload.to_bytes(), str(sample.encoding)).estop
+
+        assert not stopped()
+        flags = ["--connect", near, "--namespace", "far"]
+        done = CliRunner().invoke(app, ["stop", *flags])
+        assert (done.exit_code, "the wheels stand" in done.output) == (0, True), done.output
+        wait_until(stopped, "the drive stands", DEADLINE_S)
+        done = CliRunner().invoke(app, ["resume", "--without-follower", *flags])
+        assert done.exit_code == 0, done.output
+        wait_until(lambda: not stopped(), "the drive is released", DEADLINE_S)
 
 
 def test_the_list_wants_a_login_where_the_page_does(tmp_path: Path) -> None:

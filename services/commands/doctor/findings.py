@@ -15,6 +15,8 @@ from heel.services.commands.doctor.facts import (
     ModelFacts,
     RouterFacts,
 )
+from heel.services.runtime.certificate import SOON_DAYS
+from heel.services.runtime.chain import CERTIFICATE
 
 Level = Literal["ok", "note", "wrong"]
 """`note`: nothing is broken, and something could be better or is not there."""
@@ -31,8 +33,7 @@ _FULL_SHARE = 0.9
 """Of shared memory, from which on services complain."""
 _LEAST_SHARED_BYTES = 64 << 20
 """Docker's usual size: a camera of 1080p takes 40 MB of pools, and what restarts as much again."""
-_SOON_DAYS = 30
-"""Days before its end from which on a certificate is told of; chosen by hand."""
+_RENEW = "heel security renew DIR, and start router and services again"
 _BUSY_LOAD = 1.5
 """Processes that want a core, per core, from which on frames wait; chosen by hand."""
 _SLOW_SHARE = 0.7
@@ -123,11 +124,11 @@ def _router(router: RouterFacts) -> Finding:
 def _certificate(days: float | None) -> Iterator[Finding]:
     if days is None:
         return
-    about, remedy = "certificate", "heel security renew DIR, and start router and services again"
+    about, remedy = "certificate", _RENEW
     if days <= 0:
         yield Finding("wrong", about, f"this one ended {-days:.0f} days ago: no router lets it in",
                       remedy)  # fmt: skip
-    elif days < _SOON_DAYS:
+    elif days < SOON_DAYS:
         yield Finding("note", about, f"this one ends in {days:.0f} days: nothing connects from "
                       "then on", remedy)  # fmt: skip
     else:
@@ -158,6 +159,10 @@ def _bus(bus: BusFacts, version: str) -> Iterator[Finding]:
                       "install one version everywhere: there are no readers for two")  # fmt: skip
     else:
         yield Finding("ok", "versions", f"all have {version}")
+    for one in bus.services:
+        if CERTIFICATE in one.details:
+            yield Finding("note", "certificates", f"{one.service}/{one.instance}: "
+                          f"{one.details[CERTIFICATE]}", _RENEW)  # fmt: skip
     yield from _clocks(bus)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import json
 import os
 import re
@@ -30,6 +29,7 @@ from heel.services.commands.doctor.facts import (
 from heel.services.commands.doctor.knock import knock
 from heel.services.commands.observed import TOPICS, Observed
 from heel.services.commands.robot import TIMEOUT_S, RobotFlags, Where, ask
+from heel.services.runtime.certificate import days_left, valid_until
 
 if TYPE_CHECKING:
     from heel.services.runtime.inbox import Arrival
@@ -96,15 +96,8 @@ def ask_robot(where: Where) -> tuple[RouterFacts, BusFacts | None]:
 
 def certificate_days(file: Path | None) -> float | None:
     """How long the certificate in a Zenoh file of `heel security` is still valid, in days."""
-    import zenoh
-
-    if file is None:
-        return None
-    with suppress(zenoh.ZError, ValueError, TypeError, KeyError):
-        told = json.loads(zenoh.Config.from_file(str(file)).get_json("metadata"))
-        end = datetime.datetime.fromisoformat(told["heel"]["until"])
-        return (end - datetime.datetime.now(datetime.UTC)) / datetime.timedelta(days=1)
-    return None
+    until = valid_until(file)
+    return None if until is None else days_left(until)
 
 
 def _listen(bus: Listening) -> BusFacts:

@@ -187,3 +187,15 @@ def test_a_certificate_that_ends_is_told_of_before_and_after(
     (found,) = about(replace(FACTS, router=replace(ROUTER, certificate_days=days)), "certificate")
     assert (found.level, words in found.words) == (level, True)
     assert ("heel security renew" in found.remedy) == (level != "ok")
+
+
+def test_a_services_certificate_that_ends_soon_is_told() -> None:
+    soon = health("drive").model_copy(
+        update={"details": {"certificate": "certificate ends in 9 days: nothing connects then"}}
+    )
+    bus = replace(BUS, services=(*BUS.services, soon))
+    (found,) = about(replace(FACTS, bus=bus), "certificates")
+    assert found.level == "note"
+    assert "drive/main: certificate ends in 9 days" in found.words
+    assert "heel security renew" in found.remedy
+    assert not about(FACTS, "certificates")

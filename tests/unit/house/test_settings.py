@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 195
+MOST = 196
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,

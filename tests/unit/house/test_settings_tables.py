@@ -308,6 +308,7 @@ def logged(settings: LogSettings) -> object:
 
 ROUTER: Table = {
     "listen": Changes("tcp/127.0.0.1:7999", of_router),
+    "connect": Changes("tcp/127.0.0.1:7998", of_router),
     "insecure": Changes(True, wide),
     "users_file": Changes("users.txt", of_router),
     "shared_memory": Changes(False, of_router),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import logging
 import queue
 import threading
@@ -230,3 +231,22 @@ def test_a_slow_input_and_one_that_has_ended_are_not_missed(
     assert reporter.compose(now_s + 5.5).reason == ""
     statistics.input_over = True
     assert reporter.compose(now_s + 6.9).reason == ""
+
+
+@pytest.mark.parametrize(
+    ("days", "words"),
+    [(29.0, "certificate ends in 29 days"), (-2.0, "certificate ended 2 days ago"), (31.0, None)],
+)
+def test_a_certificate_is_told_of_a_month_before_it_ends(
+    statistics: ServiceStatistics, session: FakeSession, days: float, words: str | None
+) -> None:
+    until = datetime.datetime.now(datetime.UTC) + datetime.timedelta(days=days)
+    reporter = HealthReporter(
+        cast(Any, session), "tracker", "main", PRODUCER, statistics, logging.getLogger("heel.test"),
+        certificate_until=until,
+    )  # fmt: skip
+    statistics.loop(time.monotonic())
+    health = reporter.compose(time.monotonic())
+    told = health.details.get("certificate")
+    assert (told is None) if words is None else (told is not None and told.startswith(words))
+    assert health.state == "ok", "it still works"
