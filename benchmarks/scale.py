@@ -63,7 +63,7 @@ class Cost:
         memory_mb: proportional set size, without the router.
         router_mb: of the router.
         dropped: share of frames that were dropped.
-        bytes_frame: bytes per frame of image, blobs and tracks.
+        bytes_frame: bytes per frame of image, blobs and tracks; empty: not looked at.
     """
 
     count: int
@@ -100,31 +100,52 @@ def processes(
     kind: Kind, count: int, fps: float, endpoint: str, folder: Path
 ) -> Iterator[dict[tuple[str, str], int]]:
     """All services of so many cameras or robots: process ids by service and name."""
+    names = tuple(f"{kind[0]}{number}" for number in range(count))
+    if kind == "robots":
+        with robots(names, fps, endpoint, folder) as pids:
+            yield pids
+        return
+    with started(names, PER_CAMERA, ("--camera", "--instance"), fps, endpoint, folder) as pids:
+        yield pids
+
+
+@contextmanager
+def robots(
+    names: tuple[str, ...], fps: float, endpoint: str, folder: Path
+) -> Iterator[dict[tuple[str, str], int]]:
+    """All services of some robots at one router: process ids by service and name."""
+    with started(names, PER_ROBOT, ("--namespace",), fps, endpoint, folder) as pids:
+        yield pids
+
+
+@contextmanager
+def started(
+    names: tuple[str, ...], services: tuple[str, ...], named_by: tuple[str, ...], fps: float,
+    endpoint: str, folder: Path,
+) -> Iterator[dict[tuple[str, str], int]]:  # fmt: skip
+    """Services under some names, which these flags give them."""
     environment = {name: value for name, value in os.environ.items() if name[:5] != "HEEL_"}
     environment |= {PARENT_VARIABLE: str(os.getpid()), "HEEL_MODELS": str(folder),
                     "HEEL_RUNTIME_DIR": str(folder)}  # fmt: skip
-    started: dict[tuple[str, str], subprocess.Popen[bytes]] = {}
+    running: dict[tuple[str, str], subprocess.Popen[bytes]] = {}
     try:
-        for number in range(count):
-            name = f"c{number}" if kind == "cameras" else f"r{number}"
-            own = ["--camera", name, "--instance", name] if kind == "cameras" else [
-                "--namespace", name
-            ]  # fmt: skip
-            for service in PER_CAMERA if kind == "cameras" else PER_ROBOT:
+        for number, name in enumerate(names):
+            own = [word for flag in named_by for word in (flag, name)]
+            for service in services:
                 flags = [f"{SCENE}?seed={number + 1}", "--loop", "--fps", f"{fps:g}"] if (
                     service == "capture"
                 ) else []  # fmt: skip
                 with (folder / f"{service}-{name}.log").open("wb") as log:
-                    started[service, name] = subprocess.Popen(
+                    running[service, name] = subprocess.Popen(
                         [sys.executable, "-P", "-m", f"heel.services.{service}", *flags, *own,
                          "--connect", endpoint],
                         env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
                     )  # fmt: skip
-        yield {one: process.pid for one, process in started.items()}
+        yield {one: process.pid for one, process in running.items()}
     finally:
-        for process in started.values():
+        for process in running.values():
             process.terminate()
-        for process in started.values():
+        for process in running.values():
             try:
                 process.wait(10.0)
             except subprocess.TimeoutExpired:
@@ -137,8 +158,8 @@ def measure(kind: Kind, count: int, fps: float, seconds: float) -> Cost:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         # Not in this process, whose own work is not the router's.
-        endpoint, router_pid = stack.enter_context(_router(folder))
-        session = stack.enter_context(_client(endpoint))
+        endpoint, router_pid = stack.enter_context(router_process(folder / "router.log"))
+        session = stack.enter_context(client(endpoint))
         listener = Listener(session, stack)
         pids = stack.enter_context(processes(kind, count, fps, endpoint, folder))
 
@@ -154,8 +175,10 @@ def measure(kind: Kind, count: int, fps: float, seconds: float) -> Cost:
         took_s = time.monotonic() - began_s
         memory = {one: _pss_mb(pid) for one, pid in pids.items()}
         router_mb = _pss_mb(router_pid)
-        sizes = _sizes(session, "c0" if kind == "cameras" else "front",
-                       "" if kind == "cameras" else "r0/")  # fmt: skip
+        # They are those of one camera, however many there are.
+        sizes = {} if count > 1 else _sizes(
+            session, *(("c0", "") if kind == "cameras" else ("front", "r0/"))
+        )  # fmt: skip
     frames = sum(after[one].sent - before[one].sent for one in pids if one[0] == "tracker")
     cpu_ms = {"router": 1e3 * router_cpu_s / frames}
     for one in pids:
@@ -167,12 +190,13 @@ def measure(kind: Kind, count: int, fps: float, seconds: float) -> Cost:
 
 
 @contextmanager
-def _router(folder: Path) -> Iterator[tuple[str, int]]:
+def router_process(log_file: Path, *flags: str) -> Iterator[tuple[str, int]]:
+    """A router in a process of its own: its endpoint, and its process id."""
     with open_private_router() as (_, endpoint):
         pass  # A port that was free.
-    with (folder / "router.log").open("wb") as log:
+    with log_file.open("wb") as log:
         process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "heel", "router", "--listen", endpoint],
+            [sys.executable, "-P", "-m", "heel", "router", "--listen", endpoint, *flags],
             stdin=subprocess.DEVNULL, stdout=log, stderr=log,
         )  # fmt: skip
     try:
@@ -183,7 +207,8 @@ def _router(folder: Path) -> Iterator[tuple[str, int]]:
 
 
 @contextmanager
-def _client(endpoint: str) -> Iterator[zenoh.Session]:
+def client(endpoint: str) -> Iterator[zenoh.Session]:
+    """A client of a router; waits for it."""
     config = zenoh.Config()
     for path, value in (("mode", '"client"'), ("connect/endpoints", f'["{endpoint}"]'),
                         ("connect/timeout_ms", "60000"),
@@ -251,8 +276,8 @@ def beyond(camera: Cost, robot: Cost) -> str:
     size = camera.bytes_frame
     mbit = {name: size[name] * 8e-6 * FPS_ROBOT for name in ("raw", "JPEG", "blobs", "tracks")}
     rows = ["| robots | cores, all on board | cores of a server that detects and tracks for all | "
-            "Mbit/s to it, JPEG | back, tracks | robots on one router of a building, tracks only |",
-            "|---|---|---|---|---|---|"]  # fmt: skip
+            "Mbit/s to it, JPEG | back, tracks |",
+            "|---|---|---|---|---|"]  # fmt: skip
     clocked = ("follower", "drive")  # work by a clock of their own, whatever the camera's rate is
     board = sum(ms * (robot.fps if name in clocked else FPS_ROBOT)
                 for name, ms in robot.cpu_ms.items()) * 1e-3  # fmt: skip
@@ -261,7 +286,7 @@ def beyond(camera: Cost, robot: Cost) -> str:
         rows.append(
             f"| {count} | {count * board:.1f} | "
             f"{count * heavy_ms * FPS_ROBOT * 1e-3:.1f} | {count * mbit['JPEG']:.0f} | "
-            f"{count * mbit['tracks']:.1f} | {count * mbit['tracks']:.1f} Mbit/s |"
+            f"{count * mbit['tracks']:.1f} |"
         )
     told = ", ".join(f"{name} {size[name] / 1e3:.1f} kB" for name in mbit)
     most = "; ".join(
@@ -269,24 +294,30 @@ def beyond(camera: Cost, robot: Cost) -> str:
         f"{limit / mbit['tracks']:.0f} as tracks"
         for link, limit in LINKS_MBIT.items()
     )
-    return "\n".join(rows) + f"\n\nA frame of 640x480: {told}. What a link carries: {most}."
+    cores, seen = len(os.sched_getaffinity(0)), camera.total_ms * FPS_ROBOT * 1e-3
+    ends = (
+        f"At {FPS_ROBOT:g} frames/s a camera takes {seen:.2f} cores and a robot {board:.2f}: "
+        f"{cores} cores end at {cores / seen:.1f} cameras, or {cores / board:.1f} robots."
+    )
+    return "\n".join(rows) + f"\n\n{ends} A frame of 640x480: {told}. What a link carries: {most}."
 
 
 @app.command()
 def main(
-    seconds: Annotated[float, typer.Option(help="of each measurement")] = 20.0,
+    seconds: Annotated[float, typer.Option(help="of each measurement")] = 12.0,
     fps: Annotated[float, typer.Option(help="of every camera, so that four are kept up with")] = 8,
     most: Annotated[int, typer.Option(help="cameras and robots at most: 1, 2, 4, ...")] = 4,
     write: Write = None,
 ) -> None:
     """Print a table for cameras, one for robots, and what that means for more machines."""
     counts = [count for count in (1, 2, 4, 8) if count <= most]
-    cameras = [measure("cameras", count, fps, seconds) for count in counts]
-    robots = [measure("robots", count, fps, seconds) for count in counts]
+    by_camera = [measure("cameras", count, fps, seconds) for count in counts]
+    by_robot = [measure("robots", count, fps, seconds) for count in counts]
     text = "\n\n".join([
         f"{len(os.sched_getaffinity(0))} cores, `{SCENE}` at 640x480 and {fps:g} frames/s, "
         f"{seconds:g} s each, standing background.",
-        table("cameras", cameras), table("robots", robots), beyond(cameras[0], robots[0]),
+        table("cameras", by_camera), table("robots", by_robot),
+        beyond(by_camera[0], by_robot[0]),
     ])  # fmt: skip
     publish(text, write)
 
