@@ -1,7 +1,7 @@
 """How well distances by depth are, beside those by boxes, in the simulated world.
 
     python -m benchmarks.depth                            one episode of each kind, as tables
-    python -m benchmarks.depth --episodes 7
+    python -m benchmarks.depth --episodes 3 --write docs/records/depth.md
 
 Closed loops with simulated boxes, which err as a detector's do, and rendered depth, which errs as a
 stereo camera's does (`services/simulator/depth_sensor.py`). Of every tracked person within 1 to 4 m
