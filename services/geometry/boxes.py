@@ -68,6 +68,11 @@ def cover_of_smaller(a: BoxXyxy, b: BoxXyxy) -> float:
     return intersection(a, b) / smaller if smaller > 0 else 0.0
 
 
+def holds(box: BoxXyxy, point: Point) -> bool:
+    """Whether a point is in the box, its border included."""
+    return box[0] <= point[0] <= box[2] and box[1] <= point[1] <= box[3]
+
+
 def around(point: Point, box_width: float, box_height: float) -> BoxXyxy:
     """The box of this size around a centre."""
     x, y = point

@@ -24,6 +24,7 @@ from heel.services.detector.neural.between import (
     confirmed_people,
     newcomers,
 )
+from heel.services.detector.neural.pointed_place import PointedPlace
 from heel.services.detector.neural.views import (
     Attention,
     View,
@@ -58,6 +59,7 @@ class _People:
     between: Between
     ego: EgoMotion
     path: CameraPath
+    place: PointedPlace
     whole_ns: int = -_WHOLE_PERIOD_NS
     """When the network last saw a whole frame, of the near network's looks apart."""
 
@@ -102,6 +104,7 @@ class NeuralDetector:
         people.path.add(frame.id.seq, step)
         known = confirmed_people(feedback, frame.id, people.path)
         expected = [*known, *newcomers(people.between.people, known, step)]
+        expected += people.place.expected(frame, people.path, expected)
         found = self._look(frame, people, people.attention.next_views(expected))
         seen = [
             SeenPerson((left, top, right, bottom), min(1.0, score))
@@ -132,7 +135,9 @@ class NeuralDetector:
         else:
             attention = Attention(views, most)
         between = Between(self._settings.bridge_s)
-        return _People(views, near.whole, attention, between, EgoMotion(), CameraPath())
+        return _People(
+            views, near.whole, attention, between, EgoMotion(), CameraPath(), PointedPlace()
+        )
 
     @staticmethod
     def _input(model: PersonModel) -> tuple[int, int]:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.schemas import Blob, Blobs
-from heel.schemas.base import BoxXyxy
 from heel.services.detector.interface import Frame
 from heel.services.detector.messages import blobs_message, person_blobs
 from heel.services.detector.pointed.finding import looks_upright, most_contrast, outline_box
@@ -17,6 +16,7 @@ from heel.services.detector.pointed.person import PointedPerson, Sighting
 from heel.services.detector.pointed.proof import Proof
 from heel.services.detector.pointed.state import PointedState
 from heel.services.detector.scene import SceneKey, WorkSize
+from heel.services.geometry.boxes import holds
 from heel.services.geometry.picture_motion import EgoMotion, MotionEstimate
 
 NAME = "pointed"
@@ -73,7 +73,7 @@ class PointedAt:
             smooth: (H, W, 3) uint8 BGR at working size, as the next `look` gets it.
             x_px, y_px: working pixels.
         """
-        if self._person is not None and _holds(self._person.box_xyxy, x_px, y_px):
+        if self._person is not None and holds(self._person.box_xyxy, (x_px, y_px)):
             # It is watched already: what has been seen of it so far goes on counting.
             self._pending_s = 0.0
             return True
@@ -122,10 +122,6 @@ class PointedAt:
         rows = slice(max(0, int(top - margin)), max(0, int(bottom + margin)))
         free[rows, max(0, int(left - margin)) : max(0, int(right + margin))] = 0
         return free
-
-
-def _holds(box: BoxXyxy, x: float, y: float) -> bool:
-    return box[0] <= x <= box[2] and box[1] <= y <= box[3]
 
 
 def people_message(
