@@ -268,6 +268,8 @@ NOT_RUN = {
     "heel tracker --camera rear --instance rear": "as above",
     "python -m benchmarks.scale --write docs/records/scale.md":
         "minutes on a calm machine; it is its own test",
+    "python -m benchmarks.faults --trials 20 --write docs/records/faults.md":
+        "an hour on a calm machine; test_demo.py kills and freezes services",
     "python -m benchmarks.linked_routers --write docs/records/scale.md":
         "a minute on a calm machine; tests/integration/test_robots.py links two routers",
     "docker compose --profile demo build": "tests/docker/conftest.py builds the same image",
