@@ -17,6 +17,9 @@ from heel.services.tracker.paper.features import FAMILIES, Features
 
 _IMPOSSIBLE = 1e6
 """Cost of a pair that is ruled out: more than any sum of possible ones, whose mean is 1."""
+_LEAST_DISTANCE = 1e-5
+"""Mean distance of a family below which it is left out: of people without texture 32-bit floats
+leave errors of rounding, other ones on each processor, and a mean would make them count in full."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +55,7 @@ def cost_matrix(
         distances = np.array([[float(np.abs(current[family] - reference[family]).sum())
                                for current in currents] for reference in references])  # fmt: skip
         mean = float(distances.mean())
-        if mean > 0:
+        if mean > _LEAST_DISTANCE:
             total += distances / mean
     mean = float(total.mean())
     return total / mean if mean > 0 else total

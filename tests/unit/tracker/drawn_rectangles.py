@@ -20,7 +20,7 @@ TALL, WIDE = 120, 40
 
 @dataclass(frozen=True)
 class Walker:
-    """A person in one colour, with foot centre x at frame 0 and a speed."""
+    """A person in stripes of one colour, with foot centre x at frame 0 and a speed."""
 
     colour: tuple[int, int, int]
     x: float
@@ -33,6 +33,17 @@ class Walker:
 
 
 RED, GREEN, BLUE = (20, 20, 230), (20, 220, 30), (230, 40, 20)
+STRIPES = {RED: (12, 0), GREEN: (0, 10), BLUE: (30, 0)}
+"""Height or width of a pair of stripes, pixels: in plain colours the paper's features, which are of
+texture, would be told apart by errors of rounding alone."""
+
+
+def clothes(colour: tuple[int, int, int], rows: int, columns: int) -> NDArray[np.uint8]:
+    """(rows, columns, 3) in the stripes of a colour; plain in any other one."""
+    high, wide = STRIPES.get(colour, (0, 0))
+    row, column = np.mgrid[:rows, :columns]
+    dark = (row % high < high // 2) if high else (column % max(wide, 1) < wide // 2)
+    return np.where(dark[..., None], np.array(colour) // 2, np.array(colour)).astype(np.uint8)
 
 
 def blobs_of(walkers: Sequence[Walker], seq: int, **changes: object) -> Blobs:
@@ -42,7 +53,8 @@ def blobs_of(walkers: Sequence[Walker], seq: int, **changes: object) -> Blobs:
     present = [walker for walker in walkers if seq in walker.present]
     for walker in present:
         left, top, right, bottom = (max(0, int(value)) for value in walker.box(seq))
-        image[top:bottom, left:right] = walker.colour
+        seen_part = image[top:bottom, left:right]
+        seen_part[:] = clothes(walker.colour, *seen_part.shape[:2])
         seen[top:bottom, left:right] = FOREGROUND
     outlines = joined([walker.box(seq) for walker in present])
     return message([drawn(box, image) for box in outlines], seq, seen, **changes)
