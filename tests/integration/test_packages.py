@@ -92,7 +92,7 @@ def test_the_sdist_holds_docs_and_examples_and_no_stray_tests(built: Path) -> No
 def test_every_extra_is_in_all_and_every_hint_names_what_pip_finds_anywhere() -> None:
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    assert extras["all"] == ["heel-follow[eval,metrics,neural,record,secure,sim]"]
+    assert extras["all"] == ["heel-follow[eval,metrics,neural,record,ros2-zenoh,secure,sim]"]
     assert set(extras) == {
         "eval",
         "metrics",

@@ -37,7 +37,10 @@ def test_the_commands_of_the_page_make_a_folder_and_change_who_is_in_it(
     assert "heel router --config-file security/router.json5" in made
     assert "in 730 days" in made
     shown = typed("security", "show", "security")
-    assert "anna          operate: look at everything, choose, stop and release" in shown
+    assert (
+        "anna          operate: look at everything, choose, drive by hand, stop and release"
+        in shown
+    )
     assert "gpu-detector  detector: find people in pictures" in shown
     assert "ben" not in shown
     assert (

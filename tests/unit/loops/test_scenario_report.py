@@ -32,7 +32,7 @@ def test_json_has_the_agreed_fields() -> None:
     report = json.loads(make_report(RESULTS, 7, "simulated boxes", wall_s=6.0).model_dump_json())
 
     assert set(report) == {
-        "episodes", "seed", "mode", "through", "ranges", "calibrated", "real_time_factor",
+        "episodes", "seed", "mode", "through", "ranges", "calibrated", "depth", "real_time_factor",
         "overall", "scenarios",
     }  # fmt: skip
     assert (report["episodes"], report["mode"]) == (2, "simulated boxes")

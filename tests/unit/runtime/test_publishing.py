@@ -121,6 +121,7 @@ def test_motion_commands_are_never_latched_and_no_live_topic_waits_for_a_viewer(
     waiting = {
         "IMAGE": zenoh.CongestionControl.BLOCK_FIRST,
         "JPEG": zenoh.CongestionControl.BLOCK_FIRST,
+        "DEPTH": zenoh.CongestionControl.BLOCK_FIRST,
         "PROGRESS": zenoh.CongestionControl.BLOCK,  # only lossless runs have any
     }
     topics = {name: value for name, value in vars(qos).items() if isinstance(value, qos.TopicQos)}
