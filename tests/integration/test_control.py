@@ -110,11 +110,12 @@ def test_status_tells_who_is_in_sight_also_as_json(endpoint: str) -> None:
 def test_a_hung_service_is_named_and_the_command_fails_until_it_is_back(
     run: Run, endpoint: str
 ) -> None:
-    with hung(run, "tracker"):
+    # Any other service that a live run finds frozen is started again.
+    with hung(run, "capture"):
         done = heel(endpoint, "status")
         assert done.returncode == 1
         # Gone it is, too, once the router has given it up.
-        assert re.search(r"^tracker: (silent for 1 s or more|gone)$", done.stdout, re.MULTILINE)
+        assert re.search(r"^capture: (silent for 1 s or more|gone)$", done.stdout, re.MULTILINE)
         assert "no tracks for" in done.stdout, "the follower misses its input"
     wait_until(lambda: heel(endpoint, "status").returncode == 0, "all well again", 20.0)
 
@@ -252,7 +253,7 @@ def test_bytes_that_are_no_message_are_told_of_and_end_nothing(endpoint: str) ->
 def test_a_topic_that_nobody_sends_and_what_is_no_topic_are_errors(endpoint: str) -> None:
     with pytest.raises(HeelError, match="nothing came on nobody/sends: `heel topics`"):
         tool(endpoint, "hz nobody/sends --for 0.3")
-    with pytest.raises(SettingsError, match="is no topic: name one of image, jpeg, taken"):
+    with pytest.raises(SettingsError, match="is no topic: name one of image, jpeg, depth, taken"):
         tool(endpoint, "echo a//b")
 
 
