@@ -19,7 +19,7 @@ import pytest
 import zenoh
 from zenoh.handlers import RingChannel
 
-from heel.schemas import EStop, decode, encode, keys
+from heel.schemas import EStop, encode, keys
 from heel.services.runtime import qos
 from heel.services.runtime.router import RouterSettings, open_router
 from heel.services.runtime.session import zenoh_config
@@ -331,7 +331,6 @@ def test_a_stop_gets_through_while_members_flood(bus: Bus) -> None:
             return sent in drive
 
         wait_until(said_again, "the stop at the drive", 5.0)
-        assert decode(EStop, drive[-1][1], EStop.encoding()).engaged
     finally:
         done.set()
         for thread in threads:
