@@ -41,7 +41,7 @@ test: $(READY)  ## unit and integration tests
 		-m 'not docker and not slow'
 
 test-docker: $(READY)  ## the same services in containers
-	$(BIN)/python -m pytest -m docker
+	$(BIN)/python -m pytest -m 'docker and not slow'
 
 test-ros2: pyproject.toml constraints.txt  ## the bridge beside robots of rclpy and of rmw_zenoh, in an environment of its own
 	$(CHECK_PYTHON)

@@ -7,6 +7,7 @@ import os
 import secrets
 import socket
 import subprocess
+import sys
 import time
 import urllib.request
 from pathlib import Path
@@ -48,7 +49,7 @@ class Project:
 
     def __init__(self, videos: Path, **environment: str) -> None:
         self.name = f"heeltest{secrets.token_hex(4)}"
-        self.port = _free_port()
+        self.port = free_port()
         self.asked_s = 0.0
         """When `docker compose up` was typed, monotonic seconds."""
         inherited = {key: value for key, value in os.environ.items() if not key.startswith("HEEL_")}
@@ -110,6 +111,14 @@ class Project:
             content: bytes = answer.read()
         return content
 
+    def status(self, *flags: str) -> tuple[int, str]:
+        """Exit code and output of `heel status` on this machine."""
+        done = subprocess.run(
+            [sys.executable, "-m", "heel", "status", *flags], cwd=REPOSITORY,
+            env=self.environment, capture_output=True, text=True, timeout=60, check=False,
+        )  # fmt: skip
+        return done.returncode, done.stdout + done.stderr
+
     def left_behind(self) -> list[str]:
         """Containers, volumes and networks of this project that still exist."""
         label = f"label=com.docker.compose.project={self.name}"
@@ -138,7 +147,8 @@ class Reading:
         return {name: self.health.get(name, {}).get("shared_memory") for name in receivers}
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """A loopback port at which nobody listens."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
