@@ -22,11 +22,12 @@ import typer
 
 from benchmarks.common import Write, publish, wait_for
 from benchmarks.ros.stack import CHAIN, Choices, Stack, stands_after
-from heel.schemas import FollowState, HeelError, SimTruth
+from heel.schemas import HeelError, SimTruth
 from heel.services.loops.scenarios.episode import load_stack, play_and_judge
 from heel.services.loops.scenarios.parallel import EpisodeTask
 from heel.services.loops.scenarios.results import EpisodeResult
-from heel.services.loops.scenarios.witness import Moment, Witness
+from heel.services.loops.scenarios.witness import Witness
+from heel.services.run.scenario import OneEpisode
 from heel.services.runtime.command_line import run_app
 from heel.services.simulator.scenarios import SCENARIOS, scenario
 
@@ -40,26 +41,11 @@ _WATCHED_S = 2.0
 _DRIVING_S = 40.0
 
 
-class _Log:
-    """Records one episode."""
-
-    def __init__(self, witness: Witness) -> None:
-        self.witness = witness
-
-    def episode(self) -> None:
-        """There is only one."""
-
-    def record(self, truth: SimTruth, state: FollowState | None, people: dict[int, int]) -> None:
-        """As `Recorder.record`."""
-        if state is not None:
-            self.witness.record(Moment.of_truth(truth), state, people)
-
-
 def episode(choices: Choices, task: EpisodeTask) -> EpisodeResult:
     """Play one and score it."""
 
     def play(task: EpisodeTask) -> Witness:
-        log = _Log(Witness(scenario(task.scenario, task.seed)))
+        log = OneEpisode(Witness(scenario(task.scenario, task.seed)))
         with tempfile.TemporaryDirectory() as folder:
             with Stack(Path(folder), choices, task.scenario, task.seed) as stack:
                 stack.play(log, lambda truth: truth.contact > 0)
@@ -83,7 +69,7 @@ def kill(choices: Choices, name: str, seed: int) -> float:
                     raise HeelError("the robot does not drive: nothing to measure")
                 return bool(stack.told.velocities and stack.told.velocities[-1][1] > _DRIVES_MPS)
 
-            stack.play(_Log(Witness(scenario("straight", seed))), drives)
+            stack.play(OneEpisode(Witness(scenario("straight", seed))), drives)
             killed_s = stack.kill(name)
             wait_for(lambda: time.monotonic() - killed_s > _WATCHED_S, 2 * _WATCHED_S, "no time")
             return stands_after(stack.told.velocities, killed_s) * 1e3

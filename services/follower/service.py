@@ -129,6 +129,11 @@ class FollowerService:
             keys.FOLLOW_POINTED, priority=qos.POINTED.priority,
             congestion_control=qos.POINTED.congestion,
         )  # fmt: skip
+        self._answer_requests(resources)
+
+    def _answer_requests(self, resources: ExitStack) -> None:
+        """Answer who asks for a target, and live who asks to drive by hand."""
+        session = self._context.session
         queryable = session.declare_queryable(keys.FOLLOW_TARGET, self._answer)
         resources.callback(queryable.undeclare)
         if self._live:

@@ -41,7 +41,7 @@ def run_in_processes(
 
 def _play(config: Path | None, stop: threading.Event, task: EpisodeTask) -> EpisodeLog:
     world = scenario(task.scenario, task.seed)
-    log = _Log(Witness(world))
+    log = OneEpisode(Witness(world))
     with tempfile.TemporaryDirectory(prefix="heel-") as folder:
         options = WorldOptions(
             Path(folder), task.scenario, task.seed, "simulated-boxes", world.scenario.duration_s,
@@ -53,8 +53,8 @@ def _play(config: Path | None, stop: threading.Event, task: EpisodeTask) -> Epis
     return log.witness.log()
 
 
-class _Log:
-    """A `Recorder` of one episode."""
+class OneEpisode:
+    """A `Recorder` of one episode, for scoring."""
 
     def __init__(self, witness: Witness) -> None:
         self.witness = witness
