@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import cv2
 import msgpack
@@ -13,9 +13,16 @@ from heel.schemas import Blobs, CameraMotion, Track, Tracks
 from heel.schemas.base import MAX_DIMENSION_PX
 from heel.services.geometry.calibration_file import Calibration, read_calibration
 from heel.services.runtime.state_bytes import StateError, read_state, write_state
-from heel.services.tracker.boxes.detected_people import DetectedPeople
-from heel.services.tracker.evidence.evidence_tracker import EvidenceTracker
+from heel.services.tracker.boxes.frame import detected
+from heel.services.tracker.boxes.front_end import BoxFrontEnd
+from heel.services.tracker.evidence.arrays import Image
+from heel.services.tracker.evidence.front_end import EvidenceFrame, EvidenceFrontEnd
 from heel.services.tracker.paper.tracker import BlobTracker
+from heel.services.tracker.people.carry import CameraStep
+from heel.services.tracker.people.front_end import FrontEnd
+from heel.services.tracker.people.tracker import PeopleTracker
+from heel.services.tracker.people.tuning import ROBOT, evidence_tuning, tuned
+from heel.services.tracker.report import tracks_of
 from heel.services.tracker.settings import Input, TrackerSettings
 from heel.services.tracker.sought import SoughtTracker
 from heel.services.tracker.state import CLASSES, MAX_BYTES, TrackerState
@@ -24,14 +31,14 @@ from heel.services.tracker.trace import Changes, Event, Trace
 
 _log = logging.getLogger(__name__)
 
-Method = BlobTracker | EvidenceTracker | DetectedPeople | SoughtTracker
+Method = PeopleTracker[Any] | BlobTracker | SoughtTracker
 _IDS_APART = 100
 """Ids left out at least after an interruption: in the second or two between a state that was kept
 and a crash a camera sees far fewer newcomers; chosen by hand."""
-_NAMES: dict[type, Literal["evidence", "paper", "boxes", "pointed-at"]] = {
-    BlobTracker: "paper", EvidenceTracker: "evidence", DetectedPeople: "boxes",
-    SoughtTracker: "pointed-at",
+_METHODS: dict[Input, Literal["evidence", "boxes", "pointed-at"]] = {
+    "foreground": "evidence", "people": "boxes", "pointed-at": "pointed-at",
 }  # fmt: skip
+"""What a trace calls the tracker on each kind of input."""
 
 
 class Tracker:
@@ -76,7 +83,7 @@ class Tracker:
     def withheld(self) -> str:
         """Why people that may be in the newest frame are not shown, in words; "" for none."""
         method = self._method
-        return method.withheld if isinstance(method, EvidenceTracker | DetectedPeople) else ""
+        return method.withheld if isinstance(method, PeopleTracker) else ""
 
     def update(self, blobs: Blobs) -> Tracks:
         """Take in one frame.
@@ -110,12 +117,20 @@ class Tracker:
             )
             self._note_input(blobs, method)
         dt_s = self._clock.elapsed_s(blobs.t_capture_ns)
-        if isinstance(method, EvidenceTracker):
-            tracks = method.update(blobs, evidence, dt_s)
+        if isinstance(method, PeopleTracker):
+            tracks = self._people(method, blobs, evidence)
         else:
             tracks = method.update(blobs, dt_s)
         self._changes.observe(tracks)
         return _message(blobs, tracks)
+
+    def _people(
+        self, method: PeopleTracker[Any], blobs: Blobs, evidence: Image | None
+    ) -> list[Track]:
+        camera = None if blobs.camera_motion is None else CameraStep.told(blobs.camera_motion)
+        boxes = blobs.kind == "people"
+        frame = detected(blobs, self.settings.identify) if boxes else EvidenceFrame(blobs, evidence)
+        return tracks_of(method.update(frame, self._clock.t_s, camera))
 
     def _begin(self, blobs: Blobs) -> None:
         if self._first_ns is None:
@@ -124,7 +139,8 @@ class Tracker:
 
     def _note_input(self, blobs: Blobs, method: Method) -> None:
         if self._trace.on:
-            self._trace.note(Event("input", input=_input(blobs), method=_NAMES[type(method)]))
+            name = "paper" if isinstance(method, BlobTracker) else _METHODS[_input(blobs)]
+            self._trace.note(Event("input", input=_input(blobs), method=name))
 
     def settle(self) -> None:
         """Do now what the next `update` would do first; the result is the same either way.
@@ -132,7 +148,7 @@ class Tracker:
         Called after the tracks are sent, it spares the frame the fit of the scene's scale, and
         works while the next frame is captured and detected.
         """
-        if isinstance(self._method, EvidenceTracker):
+        if isinstance(self._method, PeopleTracker):
             self._method.settle()
 
     def snapshot(self) -> bytes | None:
@@ -195,15 +211,22 @@ class Tracker:
 
     def _started(self, kind: Input, size: tuple[int, int], next_id: int) -> Method:
         self._kind, self._size = kind, size
-        if kind == "people":
-            return DetectedPeople(size, next_id, self.settings, self._trace)
-        if kind == "foreground" and self.settings.preset == "paper":
+        settings = self.settings
+        if kind == "foreground" and settings.preset == "paper":
             return BlobTracker(next_id, self._trace)
-        if kind == "foreground":
-            return EvidenceTracker(self.settings, size, next_id, self._calibration, self._trace)
-        if self._calibration is not None:
-            _log.warning("tracker.calibration has no part in tracking a person pointed at")
-        return SoughtTracker(next_id, self.settings.reporting(kind), self.settings.identify)
+        if kind == "pointed-at":
+            if self._calibration is not None:
+                _log.warning("tracker.calibration has no part in tracking a person pointed at")
+            return SoughtTracker(next_id, settings.reporting(kind), settings.identify)
+        front: FrontEnd[Any]
+        if kind == "people":
+            tuning = tuned(ROBOT, settings)
+            front = BoxFrontEnd(tuning, size)
+        else:
+            reporting = settings.reporting(kind)
+            tuning = evidence_tuning(reporting, settings.identify)
+            front = EvidenceFrontEnd(reporting, settings.identify, self._calibration)
+        return PeopleTracker(front, tuning, size, next_id, self._trace)
 
 
 def _opened(snapshot: bytes) -> tuple[Input, tuple[int, int], bytes]:

@@ -9,12 +9,9 @@ import numpy as np
 
 from heel.services.geometry.calibration_file import Calibration
 from heel.services.runtime.state_bytes import StateClasses, StateError
-from heel.services.tracker.boxes.box_tracker import BoxTracker
-from heel.services.tracker.boxes.detected_people import DetectedPeople
 from heel.services.tracker.boxes.front_end import BoxFrontEnd
 from heel.services.tracker.boxes.score_scale import RunningMedian, ScoreScale
 from heel.services.tracker.evidence.canvas import Canvas
-from heel.services.tracker.evidence.evidence_tracker import EvidenceTracker
 from heel.services.tracker.evidence.front_end import EvidenceFrontEnd
 from heel.services.tracker.evidence.line import Line
 from heel.services.tracker.evidence.runs import Runs
@@ -38,7 +35,7 @@ from heel.services.tracker.trace import Changes, Known, Trace
 
 MAX_BYTES = 16 << 20
 """Of a state: 128 people in sight, 64 remembered, and five galleries of each, is 12 MB."""
-Method = EvidenceTracker | DetectedPeople | SoughtTracker
+Method = PeopleTracker[Any] | SoughtTracker
 
 
 @dataclass
@@ -85,10 +82,10 @@ def _nothing() -> FloatArray:
 CLASSES = StateClasses(
     what="tracker",
     kept=(
-        BoxFrontEnd, BoxTracker, CameraMotion, Carrier, Changes, Contact, Contacts, DetectedPeople,
-        EvidenceFrontEnd, EvidenceTracker, FrameClock, Gallery, Identity, Known, Line, LookModel,
-        LookStatistics, PeopleTracker, Recall, Refit, Runs, RunningMedian, SceneScale, ScoreScale,
-        Silhouette, SoughtTracker, Track, TrackerState, Verification, Verifications, Working,
+        BoxFrontEnd, CameraMotion, Carrier, Changes, Contact, Contacts, EvidenceFrontEnd,
+        FrameClock, Gallery, Identity, Known, Line, LookModel, LookStatistics, PeopleTracker,
+        Recall, Refit, Runs, RunningMedian, SceneScale, ScoreScale, Silhouette, SoughtTracker,
+        Track, TrackerState, Verification, Verifications, Working,
     ),
     fixed=(Trace, Tuning, Reporting, Calibration),
     rebuilt={Canvas: (_made_with, _canvas)},

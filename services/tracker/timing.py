@@ -11,9 +11,14 @@ MAX_STEP_S = 5.0
 
 
 class FrameClock:
-    """Turns acquisition times into steps that a motion model can bear."""
+    """Turns acquisition times into steps that a motion model can bear.
+
+    Attributes:
+        t_s: sum of the steps so far.
+    """
 
     def __init__(self) -> None:
+        self.t_s = 0.0
         self._last_ns: int | None = None
         self._step_s = FIRST_STEP_S
 
@@ -25,4 +30,6 @@ class FrameClock:
         if self._last_ns is not None and t_capture_ns > self._last_ns:
             self._step_s = (t_capture_ns - self._last_ns) / 1e9
         self._last_ns = t_capture_ns
-        return min(MAX_STEP_S, max(MIN_STEP_S, self._step_s))
+        step_s = min(MAX_STEP_S, max(MIN_STEP_S, self._step_s))
+        self.t_s += step_s
+        return step_s

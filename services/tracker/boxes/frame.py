@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from heel.schemas import Blobs
 from heel.schemas.errors import HeelError
+from heel.services.tracker.people.appearance import describe
 from heel.services.tracker.people.geometry import FloatArray, boxes_to_measurements
 
 _LEAST_SIDE_PX = 1.0
@@ -48,7 +50,7 @@ class FrameBoxes:
 def checked(
     boxes: FloatArray,
     scores: FloatArray,
-    looks: FloatArray | None,
+    looks: FloatArray | None = None,
     proven: NDArray[np.bool_] | None = None,
 ) -> FrameBoxes:
     """Boxes sorted by place, so that the detector's order has no influence.
@@ -78,3 +80,13 @@ def checked(
     looks = None if looks is None else looks[order]
     proven = np.ones(len(scores), bool) if proven is None else proven
     return FrameBoxes(boxes[order], scores[order], scores[order], looks, proven[order])
+
+
+def detected(blobs: Blobs, identify: bool) -> FrameBoxes:
+    """The boxes of a message of kind "people", and, to identify people, their descriptors."""
+    return checked(
+        np.array([blob.box_xyxy for blob in blobs.blobs]).reshape(-1, 4),
+        np.array([1.0 if blob.score is None else blob.score for blob in blobs.blobs]),
+        describe([blob.patch.array() for blob in blobs.blobs]) if identify else None,
+        np.array([blob.proven for blob in blobs.blobs], bool),
+    )

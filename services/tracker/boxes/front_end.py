@@ -60,22 +60,24 @@ class BoxFrontEnd:
     detection_rate = _DETECTION_RATE
     doubt = ""
 
-    def __init__(self, tuning: Tuning, rows: int = 0, columns: int = 0) -> None:
+    def __init__(self, tuning: Tuning, image_size: tuple[int, int] | None = None) -> None:
         """Start without a scale of scores.
 
         Args:
             tuning: thresholds.
-            rows: height of the frames, pixels; 0 where it is not known: then no box is too small.
-            columns: width, likewise: then no box is cut off.
+            image_size: (width, height) in pixels; where it is not known no box is too small, and
+                none cut off.
         """
         self.pictures = False
         self._tuning = tuning
-        self._rows = rows
-        self._columns = columns
+        self._columns, self._rows = image_size or (0, 0)
         self._scale = ScoreScale()
         self._frame: FrameBoxes | None = None
         self._free: list[int] = []
         self._raw_of_track: list[tuple[Track, float]] = []
+
+    def settle(self) -> None:
+        """Nothing waits."""
 
     def measure(self, frame: FrameBoxes, scene: Scene) -> Measured:
         """Associate boxes with tracks; boxes of low scores are left out."""

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from heel.services.tracker.boxes.box_tracker import BoxTracker
+from heel.services.tracker.boxes.frame import FrameBoxes, checked
+from heel.services.tracker.boxes.front_end import BoxFrontEnd
 from heel.services.tracker.people.appearance import cut_out, describe
 from heel.services.tracker.people.geometry import FloatArray
+from heel.services.tracker.people.tracker import PeopleTracker
 from heel.services.tracker.people.tuning import FILE, Tuning
 from heel.services.tracker.report import Report
 from heel.services.tracker.trace import Changes, Event, Trace
@@ -40,6 +42,13 @@ class GivenSequence:
     image_size: tuple[int, int] | None = None
 
 
+def box_tracker(
+    tuning: Tuning = FILE, image_size: tuple[int, int] | None = None, trace: Trace | None = None
+) -> PeopleTracker[FrameBoxes]:
+    """A tracker of people by boxes alone; arguments as of `PeopleTracker`."""
+    return PeopleTracker(BoxFrontEnd(tuning, image_size), tuning, image_size, trace=trace)
+
+
 def track_sequence(
     given: GivenSequence,
     tuning: Tuning = FILE,
@@ -58,7 +67,7 @@ def track_sequence(
         HeelError: a box or score is not finite, or a box has no area.
     """
     trace = trace or Trace()
-    tracker, changes = BoxTracker(tuning, given.image_size, trace=trace), Changes(trace)
+    tracker, changes = box_tracker(tuning, given.image_size, trace), Changes(trace)
     order = np.argsort(given.frames, kind="stable")
     last = max(given.frame_count, int(given.frames.max(initial=0)))
     limits = np.searchsorted(given.frames[order], np.arange(1, last + 2))
@@ -69,6 +78,7 @@ def track_sequence(
         rows = order[limits[frame - 1] : limits[frame]]
         boxes = given.boxes[rows]
         looks = None if picture is None else describe(cut_out(picture(frame), boxes))
-        tracks = tracker.update(boxes, given.scores[rows], (frame - 1) / given.fps, looks)
+        seen = checked(boxes, given.scores[rows], looks)
+        tracks = tracker.update(seen, (frame - 1) / given.fps)
         changes.observe(tracks)
         yield frame, [track for track in tracks if track.shown]

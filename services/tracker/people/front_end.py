@@ -58,6 +58,10 @@ class FrontEnd(Protocol[Frame]):
         """Why nobody can be shown in this scene so far; "" without such a reason."""
         ...
 
+    def settle(self) -> None:
+        """Do now what `measure` would do first, no track of the frame before depending on it."""
+        ...
+
     def measure(self, frame: Frame, scene: Scene) -> Measured:
         """Measure the tracks of a scene."""
         ...

@@ -123,6 +123,10 @@ class PeopleTracker(Generic[Frame]):
         self._withheld = {}
         return [self._report(track, t_s) for track in self._tracks]
 
+    def settle(self) -> None:
+        """As `FrontEnd.settle`."""
+        self._front.settle()
+
     def interrupt(self, next_id: int) -> None:
         """Take nobody's place for granted: all are out of sight, to be re-identified.
 

@@ -15,7 +15,8 @@ import pytest
 from heel.schemas import Blob, Blobs, CameraMotion, Patch, Tracks
 from heel.schemas.blobs import FOREGROUND, MOVING
 from heel.services.geometry.calibration_file import Calibration
-from heel.services.tracker.boxes.box_tracker import BoxTracker
+from heel.services.tracker.boxes.frame import checked
+from heel.services.tracker.boxes.sequence import box_tracker
 from heel.services.tracker.core import Tracker
 from heel.services.tracker.settings import TrackerSettings
 from tests.support.pinned import Pinned, Value, sums
@@ -284,10 +285,10 @@ def jostling(
 @pytest.mark.parametrize("shake", [0.0, 9.0], ids=["standing", "shaking"])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_boxes_without_pixels(seed: int, shake: float, pinned: Pinned) -> None:
-    tracker, totals = BoxTracker(image_size=(640, 640)), []
+    tracker, totals = box_tracker(image_size=(640, 640)), []
     rows: dict[str, Row] = {}
     for frame, (t_s, boxes, scores) in enumerate(jostling(seed, 110, shake)):
-        reports = tracker.update(boxes, scores, t_s)
+        reports = tracker.update(checked(boxes, scores), t_s)
         values = [(*one.box_xyxy, *one.velocity_pxps, one.identity_confidence,
                    one.runner_up_confidence, float(one.id or 0), float(one.shown))
                   for one in reports]  # fmt: skip

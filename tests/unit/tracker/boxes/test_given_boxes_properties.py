@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from heel.services.tracker.boxes.box_tracker import BoxTracker
+from heel.services.tracker.boxes.frame import checked
 from heel.services.tracker.boxes.score_scale import RunningMedian, ScoreScale
+from heel.services.tracker.boxes.sequence import box_tracker
 from heel.services.tracker.people.camera_motion import CameraMotion, common_shift
 from heel.services.tracker.people.geometry import boxes_to_measurements, measurements_to_boxes
 from heel.services.tracker.report import Report
@@ -37,8 +38,10 @@ def crowd(seed: int, frames: int = 40) -> list[Frame]:
 
 
 def track(frames: list[Frame]) -> list[list[Report]]:
-    tracker = BoxTracker(image_size=(640, 640))
-    return [tracker.update(boxes, scores, k / 7) for k, (boxes, scores) in enumerate(frames)]
+    tracker = box_tracker(image_size=(640, 640))
+    return [
+        tracker.update(checked(boxes, scores), k / 7) for k, (boxes, scores) in enumerate(frames)
+    ]
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)

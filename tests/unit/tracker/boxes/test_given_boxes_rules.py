@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from heel.schemas.errors import HeelError
-from heel.services.tracker.boxes.box_tracker import BoxTracker
+from heel.services.tracker.boxes.frame import checked
+from heel.services.tracker.boxes.sequence import box_tracker
 from heel.services.tracker.report import Report
 
 FPS = 10.0
@@ -29,7 +30,7 @@ def run(paths: list[Path], seconds: float, scores: list[float] | None = None) ->
     list[Report]
 ]:  # fmt: skip
     """Shown tracks of every frame; a path tells where somebody's box is, if there is one."""
-    tracker = BoxTracker(image_size=IMAGE)
+    tracker = box_tracker(image_size=IMAGE)
     frames = []
     for index in range(round(seconds * FPS)):
         t_s = index / FPS
@@ -37,7 +38,9 @@ def run(paths: list[Path], seconds: float, scores: list[float] | None = None) ->
         seen = [(place, k) for place, k in here if place is not None]
         boxes = np.array([box(place) for place, _ in seen]).reshape(-1, 4)
         values = np.array([0.99 if scores is None else scores[k] for _, k in seen])
-        frames.append([track for track in tracker.update(boxes, values, t_s) if track.shown])
+        frames.append(
+            [track for track in tracker.update(checked(boxes, values), t_s) if track.shown]
+        )
     return frames
 
 
@@ -103,7 +106,7 @@ def test_two_who_cross_keep_their_ids(speed: float) -> None:
 
 def test_one_box_around_two_who_meet_starts_nobody_new() -> None:
     left, right = walk((300, 400), (50, 0)), walk((500, 400), (-50, 0))
-    tracker = BoxTracker(image_size=IMAGE)
+    tracker = box_tracker(image_size=IMAGE)
     ids: list[set[int]] = []
     for index in range(40):
         a, b = left(index / FPS), right(index / FPS)
@@ -112,7 +115,7 @@ def test_one_box_around_two_who_meet_starts_nobody_new() -> None:
         boxes = np.array([box(a), box(b)])
         if abs(a[0] - b[0]) < 30:
             boxes = np.concatenate([boxes[:, :2].min(0), boxes[:, 2:].max(0)])[None]
-        tracks = tracker.update(boxes, np.full(len(boxes), 0.99), index / FPS)
+        tracks = tracker.update(checked(boxes, np.full(len(boxes), 0.99)), index / FPS)
         ids.append({track.id for track in tracks if track.shown})
     assert ids[10] == ids[-1] == {1, 2}
 
@@ -137,10 +140,10 @@ def test_a_second_box_of_the_same_person_is_not_shown() -> None:
 
 def test_boxes_that_come_once_are_not_shown() -> None:
     rng = np.random.default_rng(4)
-    tracker = BoxTracker(image_size=IMAGE)
+    tracker = box_tracker(image_size=IMAGE)
     for index in range(60):
         boxes = np.array([box((float(rng.uniform(50, 950)), float(rng.uniform(150, 550))))])
-        tracks = tracker.update(boxes, np.array([0.95]), index / FPS)
+        tracks = tracker.update(checked(boxes, np.array([0.95])), index / FPS)
         assert not any(track.shown for track in tracks)
 
 
@@ -165,12 +168,12 @@ def test_a_newcomer_is_not_shown_before_the_third_box() -> None:
 
 
 def test_who_is_out_of_sight_is_lost_and_less_sure_on_return() -> None:
-    tracker = BoxTracker(image_size=IMAGE)
+    tracker = box_tracker(image_size=IMAGE)
     one, nothing = np.array([box((500, 400))]), np.zeros((0, 4))
     for index in range(10):
-        before = tracker.update(one, np.array([0.99]), index / FPS)[0]
-    away = tracker.update(nothing, np.zeros(0), 1.0)[0]
-    back = tracker.update(one, np.array([0.99]), 1.5)[0]
+        before = tracker.update(checked(one, np.array([0.99])), index / FPS)[0]
+    away = tracker.update(checked(nothing, np.zeros(0)), 1.0)[0]
+    back = tracker.update(checked(one, np.array([0.99])), 1.5)[0]
     assert (away.state, away.shown, back.state) == ("lost", False, "tracked")
     assert back.id == before.id
     assert back.identity_confidence < before.identity_confidence
@@ -183,15 +186,15 @@ def test_a_box_that_may_be_another_ones_starts_a_fresh_id_after_time_out_of_sigh
     away_s: float, apart: float, keeps: bool
 ) -> None:
     """Two stand side by side, both unseen for a while; then one box comes up between them."""
-    tracker = BoxTracker(image_size=IMAGE)
+    tracker = box_tracker(image_size=IMAGE)
     pair = np.array([box((400, 400)), box((400 + apart, 400))])
     for index in range(20):
-        tracker.update(pair, np.full(2, 0.99), index / FPS)
+        tracker.update(checked(pair, np.full(2, 0.99)), index / FPS)
     back_s = 1.9 + away_s
     for index in range(20, round(back_s * FPS)):
-        tracker.update(np.zeros((0, 4)), np.zeros(0), index / FPS)
+        tracker.update(checked(np.zeros((0, 4)), np.zeros(0)), index / FPS)
     middle = np.array([box((400 + (15 if apart < 40 else 0), 400))])
-    tracks = tracker.update(middle, np.full(1, 0.99), back_s)
+    tracks = tracker.update(checked(middle, np.full(1, 0.99)), back_s)
     seen = [track for track in tracks if track.state == "tracked"]
     assert len(seen) == 1
     assert (seen[0].id in (1, 2)) == keeps
@@ -204,21 +207,21 @@ def _broken(value: float) -> NDArray[np.float64]:
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 10.0, 5.0])
 def test_what_is_not_a_box_is_refused_with_its_value(value: float) -> None:
     with pytest.raises(HeelError, match="is not a box"):
-        BoxTracker().update(_broken(value), np.array([0.9]), 0.0)
+        box_tracker().update(checked(_broken(value), np.array([0.9])), 0.0)
 
 
 def test_a_score_that_is_not_finite_is_refused() -> None:
     with pytest.raises(HeelError, match="nan"):
-        BoxTracker().update(_broken(50.0), np.array([np.nan]), 0.0)
+        box_tracker().update(checked(_broken(50.0), np.array([np.nan])), 0.0)
 
 
 def test_scores_must_be_as_many_as_boxes() -> None:
     with pytest.raises(HeelError, match="one each"):
-        BoxTracker().update(_broken(50.0), np.array([0.9, 0.8]), 0.0)
+        box_tracker().update(checked(_broken(50.0), np.array([0.9, 0.8])), 0.0)
 
 
 def test_time_does_not_run_backwards() -> None:
-    tracker = BoxTracker()
-    tracker.update(_broken(50.0), np.array([0.9]), 1.0)
+    tracker = box_tracker()
+    tracker.update(checked(_broken(50.0), np.array([0.9])), 1.0)
     with pytest.raises(HeelError, match="sort frames"):
-        tracker.update(_broken(50.0), np.array([0.9]), 0.5)
+        tracker.update(checked(_broken(50.0), np.array([0.9])), 0.5)

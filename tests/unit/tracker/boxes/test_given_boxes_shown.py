@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heel.services.tracker.boxes.box_tracker import BoxTracker
+from heel.services.tracker.boxes.frame import checked
+from heel.services.tracker.boxes.sequence import box_tracker
 from heel.services.tracker.people.tuning import ROBOT
 from heel.services.tracker.report import Report
 
@@ -21,11 +22,11 @@ def person(x: float, height: float, foot: float = 400.0) -> Box:
 
 def shown(frames: list[list[Box]], scores: float = 0.9) -> list[list[Report]]:
     """Shown tracks of every frame of boxes."""
-    tracker = BoxTracker(ROBOT, IMAGE)
+    tracker = box_tracker(ROBOT, IMAGE)
     said = []
     for index, boxes in enumerate(frames):
         found = tracker.update(
-            np.array(boxes).reshape(-1, 4), np.full(len(boxes), scores), index / FPS
+            checked(np.array(boxes).reshape(-1, 4), np.full(len(boxes), scores)), index / FPS
         )
         said.append([track for track in found if track.shown])
     return said
@@ -81,11 +82,13 @@ def test_for_a_frame_without_a_box_people_are_shown_but_at_the_sides(
 
 def test_a_known_person_is_shown_on_weak_boxes_and_a_newcomer_is_not() -> None:
     strong, weak = person(300, 150), person(700, 150)
-    tracker = BoxTracker(ROBOT, IMAGE)
+    tracker = box_tracker(ROBOT, IMAGE)
     for index in range(40):
         boxes = [strong] if index < 20 else [strong, weak]
-        found = tracker.update(np.array(boxes), np.array([0.8, 0.35][: len(boxes)]), index / FPS)
+        found = tracker.update(
+            checked(np.array(boxes), np.array([0.8, 0.35][: len(boxes)])), index / FPS
+        )
     assert sum(track.shown for track in found) == 1
     for index in range(40, 80):
-        found = tracker.update(np.array([strong]), np.array([0.36]), index / FPS)
+        found = tracker.update(checked(np.array([strong]), np.array([0.36])), index / FPS)
         assert any(track.shown for track in found)
