@@ -138,9 +138,8 @@ class Tracker:
         self._trace.begin(blobs.index + 1, (blobs.t_capture_ns - self._first_ns) * 1e-9)
 
     def _note_input(self, blobs: Blobs, method: Method) -> None:
-        if self._trace.on:
-            name = "paper" if isinstance(method, BlobTracker) else _METHODS[_input(blobs)]
-            self._trace.note(Event("input", input=_input(blobs), method=name))
+        name = "paper" if isinstance(method, BlobTracker) else _METHODS[_input(blobs)]
+        self._trace.note(Event("input", input=_input(blobs), method=name))
 
     def settle(self) -> None:
         """Do now what the next `update` would do first; the result is the same either way.

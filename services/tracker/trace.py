@@ -1,7 +1,7 @@
 """What a tracker decides about identities, as events for a sink: a file, a log, a test.
 
-Nothing of it flows back: with a sink or without, the tracks are the same. Without one no event is
-made at all.
+Nothing of it flows back: with a sink or without, the tracks are the same. Events are rare: to make
+one that nobody hears costs nothing that shows.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ Kind = Literal[
     "contact", "decided", "assigned", "returned", "re-identified", "new", "given up",
     "verifying", "verified", "full",
 ]  # fmt: skip
+Cause = Literal["confidence", "return", "contact", "newcomer"]
 Probability = Annotated[float, Field(ge=0, le=1)]
 LogOdds = Annotated[float, Field(ge=-MOST_LOG_ODDS, le=MOST_LOG_ODDS)]
 _Count = Annotated[int, Field(ge=0, lt=2**63)]
@@ -67,7 +68,7 @@ class Event:
     id: _Count = 0
     other: _Count = 0
     outcome: Literal["kept", "exchanged", "open", "confirmed", "refuted"] | None = None
-    cause: Literal["confidence", "return", "contact", "newcomer"] | None = None
+    cause: Cause | None = None
     probability: Probability | None = None
     runner_up: _Count = 0
     runner_up_probability: Probability | None = None
@@ -85,13 +86,12 @@ Sink = Callable[[Event], None]
 
 
 class Trace:
-    """Passes events on to sinks; without sinks it is off, and its callers make no events.
+    """Passes events on to sinks; without sinks it is off.
 
     Usage:
         trace = Trace(events.append)
         trace.begin(frame=1, t_s=0.0)
-        if trace.on:
-            trace.note(Event("contact", id=1, other=2))
+        trace.note(Event("contact", id=1, other=2))
     """
 
     def __init__(self, *sinks: Sink) -> None:
@@ -119,7 +119,9 @@ class Trace:
         self._frame, self._t_s = frame, t_s
 
     def note(self, event: Event) -> None:
-        """Pass an event on."""
+        """Pass an event on, if anybody listens."""
+        if not self.on:
+            return
         if event.kind in ("given up", "re-identified", "assigned"):
             self.explained |= {event.id, event.other}
         if self._paused:

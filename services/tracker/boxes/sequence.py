@@ -73,7 +73,7 @@ def track_sequence(
     limits = np.searchsorted(given.frames[order], np.arange(1, last + 2))
     for frame in range(1, last + 1):
         trace.begin(frame, (frame - 1) / given.fps)
-        if trace.on and frame == 1:
+        if frame == 1:
             trace.note(Event("input", input="people", method="boxes"))
         rows = order[limits[frame - 1] : limits[frame]]
         boxes = given.boxes[rows]

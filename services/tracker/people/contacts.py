@@ -128,8 +128,7 @@ class Contacts:
             if first in contact.people and second in contact.people:
                 contact.begin_again(t_s)
                 return
-        if self._trace.on:
-            self._trace.note(Event("contact", id=first.track_id, other=second.track_id))
+        self._trace.note(Event("contact", id=first.track_id, other=second.track_id))
         self._open.append(
             Contact(
                 (first, second),
@@ -158,8 +157,7 @@ class Contacts:
         undecided = []
         for contact in self._open:
             if not all(id(track) in known for track in contact.people):
-                if self._trace.on:
-                    self._trace.note(_decision(contact, contact.kept_log_odds(), decided=False))
+                self._trace.note(_decision(contact, contact.kept_log_odds(), decided=False))
                 continue
             if contact.touched_s < t_s:
                 self._compare(contact, seen, looks, elapsed_s)
@@ -168,8 +166,7 @@ class Contacts:
             decided = enough and abs(kept) > _DECIDE
             if decided or contact.clear_s >= _SETTLE_S:
                 exchanged = decided and kept < 0
-                if self._trace.on:
-                    self._trace.note(_decision(contact, kept, decided))
+                self._trace.note(_decision(contact, kept, decided))
                 _close(contact, kept, exchanged)
             else:
                 contact.share_doubt(kept)

@@ -94,16 +94,10 @@ class Identity:
         prior = _ALIKE_AT_EDGE if at_edge else _ALIKE
         doubt = prior * math.exp(min(float(odds[best] - odds[0]), _MOST_ALIKE))
         same = 1 / (1 + doubt)
-        if self._trace.on:
-            self._trace.note(
-                Event(
-                    "returned",
-                    id=track.track_id,
-                    probability=probable(same),
-                    runner_up=everyone[best].track_id,
-                    runner_up_probability=probable(1 - same),
-                )
-            )
+        self._trace.note(
+            Event("returned", id=track.track_id, probability=probable(same),
+                  runner_up=everyone[best].track_id, runner_up_probability=probable(1 - same))
+        )  # fmt: skip
         return same
 
     def reassure(

@@ -68,9 +68,8 @@ class Recall:
             self._note_forgotten([track for track in before if id(track) not in kept])
 
     def _note_forgotten(self, tracks: list[Track]) -> None:
-        if self._trace.on:
-            for track in tracks:
-                self._trace.note(Event("forgotten", id=track.track_id))
+        for track in tracks:
+            self._trace.note(Event("forgotten", id=track.track_id))
 
     def recognised(
         self, ready: Sequence[Track], tracks: Sequence[Track], t_s: float, places: bool,

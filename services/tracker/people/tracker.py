@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Generic, Literal
+from typing import Generic
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from heel.services.tracker.people.recall import Recall
 from heel.services.tracker.people.track import Track
 from heel.services.tracker.people.tuning import Tuning
 from heel.services.tracker.report import Report
-from heel.services.tracker.trace import Event, Trace, probable
+from heel.services.tracker.trace import Cause, Event, Trace, probable
 
 _EPSILON_S = 1e-6
 """Slack of comparisons of times [s], below any frame's."""
@@ -209,12 +209,8 @@ class PeopleTracker(Generic[Frame]):
         back = away_s > max(_AWAY_S, 1.5 * self._elapsed_s)
         low = track.confidence < _GIVE_UP
         if low or (back and one.rivals > self._tuning.rivals):
-            left, before = track.confidence, track.track_id
-            track.track_id, track.confidence = self._new_id(), 1.0
-            self._note_given_up(
-                before, track.track_id, "confidence" if low else "return", left,
-                one.rival.track_id if one.rival else 0, track.runner_up,
-            )  # fmt: skip
+            track.track_id = self._give_up(track, "confidence" if low else "return", one)
+            track.confidence = 1.0
 
     def _sure_back(self, one: Measurement, unseen: Sequence[Track], t_s: float) -> float:
         """Factor in [0, 1] on the confidence in a track that is measured after time unseen."""
@@ -237,9 +233,8 @@ class PeopleTracker(Generic[Frame]):
         lost = self._recall.lost
         self._identity.reassure(measured.singles, self._tracks + lost, self._elapsed_s)
         for doubt in self._identity.learn(measured, (self._tracks, lost), (t_s, self._elapsed_s)):
-            left = doubt.kept()
-            person = doubt.track.part(self._new_id(), doubt.galleries[0], t_s)
-            self._note_given_up(person.track_id, doubt.track.track_id, "newcomer", left)
+            fresh = self._give_up(doubt.track, "newcomer")
+            person = doubt.track.part(fresh, doubt.galleries[0], t_s)
             if doubt.person_is_known():
                 self._recall.lose(person, pictures=True)
 
@@ -295,9 +290,7 @@ class PeopleTracker(Generic[Frame]):
             track.confirmed = True
             track.track_id = track.track_id or self._new_id()
             for other in self._front.parted(track, self._tracks):
-                left, fresh = other.confidence, self._new_id()
-                self._note_given_up(other.track_id, fresh, "newcomer", left)
-                other.part(fresh, other.gallery, t_s)
+                other.part(self._give_up(other, "newcomer"), other.gallery, t_s)
                 self._identity.given_up(other)
         for claim in claims:
             if not claim.holds and claim.newcomer.track_id:
@@ -312,44 +305,28 @@ class PeopleTracker(Generic[Frame]):
 
     def _note_claim(self, claim: Claim) -> None:
         """Note a re-identification, or the person that a newcomer was compared with and is not."""
-        if not self._trace.on:
-            return
-        if not claim.holds:
-            event = Event(
-                "new", id=claim.newcomer.track_id, probability=probable(claim.new_probability),
-                runner_up=claim.known.track_id,
-                runner_up_probability=probable(claim.probability),
-            )  # fmt: skip
-        else:
-            other = claim.runner_up is not None
-            other = other and claim.runner_up_probability > claim.new_probability
-            event = Event(
-                "re-identified", id=claim.known.track_id, other=claim.newcomer.track_id,
-                probability=probable(claim.probability),
-                runner_up=claim.runner_up.track_id if other and claim.runner_up else 0,
-                runner_up_probability=probable(
-                    claim.runner_up_probability if other else claim.new_probability
-                ),
-            )  # fmt: skip
-        self._trace.note(event)
+        known, new = claim.known.track_id, claim.newcomer.track_id
+        rival, rival_probability = 0, claim.new_probability
+        if claim.runner_up is not None and claim.runner_up_probability > rival_probability:
+            rival, rival_probability = claim.runner_up.track_id, claim.runner_up_probability
+        self._trace.note(
+            Event("re-identified", id=known, other=new, probability=probable(claim.probability),
+                  runner_up=rival, runner_up_probability=probable(rival_probability))
+            if claim.holds else
+            Event("new", id=new, probability=probable(claim.new_probability), runner_up=known,
+                  runner_up_probability=probable(claim.probability))
+        )  # fmt: skip
 
-    def _note_given_up(
-        self, old: int, new: int, cause: Literal["confidence", "return", "newcomer"], left: float,
-        rival: int = 0, rival_probability: float | None = None,
-    ) -> None:  # fmt: skip
-        if self._trace.on:
-            best = None if rival_probability is None else probable(rival_probability)
-            self._trace.note(
-                Event(
-                    "given up",
-                    id=old,
-                    other=new,
-                    cause=cause,
-                    probability=probable(left),
-                    runner_up=rival,
-                    runner_up_probability=best,
-                )
-            )
+    def _give_up(self, track: Track, cause: Cause, one: Measurement | None = None) -> int:
+        """Note that a track's id is given up; the fresh one."""
+        fresh, rival = self._new_id(), one.rival if one else None
+        self._trace.note(
+            Event("given up", id=track.track_id, other=fresh, cause=cause,
+                  probability=probable(track.confidence),
+                  runner_up=rival.track_id if rival else 0,
+                  runner_up_probability=probable(track.runner_up) if one else None)
+        )  # fmt: skip
+        return fresh
 
     def _new_id(self) -> int:
         self.next_id += 1

@@ -169,8 +169,7 @@ class Verifications:
                 continue
             doubt.track.confidence = doubt.kept()
             del self._open[doubt.track]
-            if self._trace.on:
-                self._trace.note(_outcome(doubt, evidence))
+            self._trace.note(_outcome(doubt, evidence))
         return refuted
 
     def _compared(self, doubt: Verification, seen: list[Track], looks: FloatArray) -> bool:
@@ -188,8 +187,7 @@ class Verifications:
             known = before if before.looks >= _KNOWN_LOOKS else now
             doubt = Verification(track, (known, now), track.confidence)
             self._open[track] = doubt
-            if self._trace.on:
-                self._trace.note(Event("verifying", id=track.track_id, other=newcomer.track_id))
+            self._trace.note(Event("verifying", id=track.track_id, other=newcomer.track_id))
         elif share > _TOGETHER:
             doubt.own.clear()
             doubt.clear_s = 0.0
@@ -204,15 +202,10 @@ class Verifications:
             doubt.theirs = {one: odds for one, odds in doubt.theirs.items() if one in known}
             if track not in known or not doubt.newcomers:
                 del self._open[track]
-                if self._trace.on:
-                    self._trace.note(
-                        Event(
-                            "verified",
-                            id=doubt.track.track_id,
-                            outcome="open",
-                            probability=probable(doubt.track.confidence),
-                        )
-                    )
+                left = probable(doubt.track.confidence)
+                self._trace.note(
+                    Event("verified", id=track.track_id, outcome="open", probability=left)
+                )
 
 
 def _outcome(doubt: Verification, evidence: float) -> Event:
