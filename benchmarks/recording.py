@@ -25,7 +25,8 @@ from heel.schemas import FrameId, Header, Health, Stamp, Tracks, decode, encode,
 from heel.schemas.image import RAW
 from heel.services.commands.recording.checking import check
 from heel.services.recordings.reading import Recording
-from heel.services.runtime.frame_memory import FrameMemory
+from heel.services.runtime import qos
+from heel.services.runtime.frame_memory import LIVE_FRAMES, MOST_LIVE_FRAMES, FrameMemory
 from heel.services.runtime.router import open_private_router
 from heel.services.runtime.session import open_session
 from heel.services.runtime.settings import ZenohSettings
@@ -36,15 +37,19 @@ _UP_S = 90.0
 """Longest wait for the recorder to be up, on a busy machine."""
 
 
+def _publisher(session: zenoh.Session, key: str, how: qos.TopicQos) -> zenoh.Publisher:
+    return session.declare_publisher(
+        key, priority=how.priority, congestion_control=how.congestion, express=how.express
+    )
+
+
 class Camera:
     """Frames of noise, each another, and empty tracks of them."""
 
     def __init__(self, session: zenoh.Session) -> None:
-        self._image = session.declare_publisher(
-            keys.image("front"), congestion_control=zenoh.CongestionControl.BLOCK_FIRST
-        )
-        self._tracks = session.declare_publisher(keys.tracks("front"))
-        self._memory = FrameMemory(6, logging.getLogger("bench"))
+        self._image = _publisher(session, keys.image("front"), qos.IMAGE)
+        self._tracks = _publisher(session, keys.tracks("front"), qos.TRACKS)
+        self._memory = FrameMemory(LIVE_FRAMES, logging.getLogger("bench"), MOST_LIVE_FRAMES)
         self._noise = np.random.default_rng(1).integers(0, 256, HEIGHT * WIDTH * 3, np.uint8)
         self.sent = 0
 

@@ -30,15 +30,12 @@ from heel.services.capture.video_device import VideoDeviceFormat
 from heel.services.geometry.pixels import fit_to_cap
 from heel.services.runtime import qos
 from heel.services.runtime.clock import monotonic_clock
-from heel.services.runtime.frame_memory import FrameMemory
+from heel.services.runtime.frame_memory import LIVE_FRAMES, MOST_LIVE_FRAMES, FrameMemory
 from heel.services.runtime.images import ImagePublisher, StreamIdentity, image_header
 from heel.services.runtime.pacing import Pacer
 from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
-
-_LIVE_FRAMES = 6
-"""Frames that two receivers can hold between them, each at work on one with two waiting."""
 
 
 class CaptureService:
@@ -65,8 +62,10 @@ class CaptureService:
         self._taken = context.publisher(keys.taken(context.settings.camera), qos.TAKEN)
         self._memory: FrameMemory | None = None
         if context.shared_memory:
-            frames = qos.LOSSLESS_WINDOW_FRAMES + 2 if self._lossless else _LIVE_FRAMES
-            self._memory = FrameMemory(frames, context.log)
+            if self._lossless:
+                self._memory = FrameMemory(qos.LOSSLESS_WINDOW_FRAMES + 2, context.log)
+            else:
+                self._memory = FrameMemory(LIVE_FRAMES, context.log, MOST_LIVE_FRAMES)
         self._out = ImagePublisher(context, context.settings.jpeg_quality, self._memory)
         self._info: Latched | None = None
         self._seq = 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import time
-from collections import deque
+from collections import defaultdict, deque
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
@@ -18,9 +18,11 @@ from heel.services.recorder.events import EventWatch
 from heel.services.recorder.files import Limits, RecordingFiles
 from heel.services.recorder.ring import Ring
 from heel.services.recorder.settings import RecorderSettings
+from heel.services.recordings.numbers import Gaps, own_number
 from heel.services.recordings.wire import FLUSH_PERIOD_S, WireMessage
 from heel.services.recordings.writing import mcap
 from heel.services.runtime import qos
+from heel.services.runtime.frame_memory import MOST_LIVE_FRAMES
 from heel.services.runtime.inbox import Arrival
 from heel.services.runtime.latched import latched_samples
 from heel.services.runtime.process import software_version
@@ -31,10 +33,9 @@ _IMAGES = ("image", "jpeg", "depth")
 _RING = 64
 """Messages of a topic that may wait for the loop: one second of commands. A recorder wants all of
 them where others want the newest. Chosen by hand."""
-_FRAMES_RING = 12
-"""The same of frames: half a second of them. They sit in the camera's shared memory until the loop
-has copied them, which takes a millisecond; where a recorder is so far behind that the camera has
-none left, frames go through sockets. Chosen by hand."""
+_FRAMES_RING = MOST_LIVE_FRAMES
+"""The same of frames, which sit in the camera's shared memory until the loop has copied them: as
+many as the camera has room for. What comes on top goes through sockets, and gives way there."""
 _QUEUE_BYTES = 64 << 20
 """Memory for what the disk is not done with: two seconds of raw frames. What comes on top is lost,
 counted and said. Chosen by hand."""
@@ -83,6 +84,7 @@ class Recorder:
         self._asked: deque[zenoh.Query] = deque(maxlen=_MOST_ASKED)
         self._answering: list[zenoh.Query] = []
         self._report_due_s = 0.0
+        self._gaps: defaultdict[str, Gaps] = defaultdict(Gaps)
         self._lost = 0
         self._subscribe()
         key = keys.save(s.instance)
@@ -146,6 +148,8 @@ class Recorder:
         )
         statistics = self._context.statistics
         statistics.input(arrival.arrived_s)
+        if (number := own_number(message)) is not None:
+            self._gaps[arrival.topic].take(number)
         if self._ring is None:
             self._disk.put(message)
         else:
@@ -199,11 +203,23 @@ class Recorder:
                     key = keys.save(self._context.settings.instance)
                     query.reply(key, said, encoding=zenoh.Encoding.APPLICATION_JSON)
 
+    def _never_came(self) -> dict[str, int]:
+        """Messages of each topic that were sent and did not reach the loop.
+
+        What gave way to newer ones in a ring of Zenoh's, or on a link, nobody counts but by the
+        senders' numbers; what gave way in the inbox is missing by those, too.
+        """
+        counts = {
+            topic: max(overflowed, self._gaps[topic].missing)
+            for topic, overflowed in self._context.inbox.overflowed.items()
+        }
+        return {topic: count for topic, count in counts.items() if count}
+
     def _report(self) -> None:
         context, files, disk = self._context, self._files, self._disk
         statistics = context.statistics
-        overflowed = sum(context.inbox.overflowed.values())
-        lost = overflowed + disk.too_slow + files.lost
+        never_came = self._never_came()
+        lost = sum(never_came.values()) + disk.too_slow + files.lost
         statistics.dropped = lost
         for kind, problem in (("disk", files.problem), ("recording", disk.failure)):
             if statistics.problem(kind, problem) and problem is not None:
@@ -212,6 +228,8 @@ class Recorder:
             context.warn.warning("lost", f"{lost - self._lost} messages were not recorded: the "
                                  "disk or the processor is behind", time.monotonic())  # fmt: skip
         self._lost = lost
+        told = ", ".join(f"{topic} {count}" for topic, count in never_came.items())
+        statistics.detail("never came", told or None)
         statistics.detail("file", None if files.path is None else str(files.path))
         if self._ring is not None:
             held = f"{self._ring.seconds:.0f} s, {self._ring.bytes / 1e6:.0f} MB"

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from heel.schemas import Header, decode, encode, keys
+from heel.schemas import Header, Health, decode, encode, keys
 from heel.schemas.image import RAW, encode_image
 from heel.services.capture.sources import open_source
 from heel.services.recordings.reading import Recording, wire_messages
 from heel.services.recordings.wire import WireMessage
 from tests.support import network
 from tests.support.processes import finished, running
-from tests.support.recordings import PRODUCER, WALL_NS, info, recording
+from tests.support.recordings import PRODUCER, WALL_NS, image, info, recording
 
 SCENE = "scene:crossing?frames=120&width=320&height=240"
 LIVE = "scene:demo?width=320&height=240"
@@ -94,6 +94,26 @@ def test_sigkill_costs_a_recording_less_than_a_second(tmp_path: Path) -> None:
         if message.encoding == RAW:
             header = decode(Header, message.attachment or b"")
             assert pictures.get(header.index, message.payload) == message.payload
+
+
+def test_what_never_came_is_counted_by_the_pictures_own_numbers(tmp_path: Path) -> None:
+    with network.router() as endpoint, network.client(endpoint) as session:
+        told: list[Health] = []
+        session.declare_subscriber(
+            keys.health("recorder", "main"),
+            lambda sample: told.append(decode(Health, sample.payload.to_bytes())),
+        )
+        words = ("--frames", "raw", "--out", str(tmp_path), "--connect", endpoint)
+        with running("-m", "heel", "record", *words) as recorder:
+            network.wait_until(lambda: "is up" in recorder.stderr(), "the recorder", 60.0)
+            for seq in (0, 1, 4, 5):
+                sent = image(seq)
+                session.put(
+                    sent.key, sent.payload, encoding=sent.encoding, attachment=sent.attachment
+                )
+            network.wait_until(lambda: bool(told) and told[-1].dropped == 2, "the count", 10.0)
+            assert told[-1].details["never came"] == "image 2"
+            assert "2 messages were not recorded" in recorder.stderr()
 
 
 def test_the_last_seconds_become_a_file_when_they_are_asked_for(tmp_path: Path) -> None:

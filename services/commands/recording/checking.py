@@ -6,11 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from heel.services.commands.bus.message import Received, tell
+from heel.services.recordings.numbers import Gaps
 from heel.services.recordings.reading import Recording, wire_messages
 from heel.services.recordings.wire import WireMessage
-
-_MOST_SENDERS = 256
-"""Senders of one topic that are told apart; bounds the memory."""
 
 
 @dataclass
@@ -20,18 +18,23 @@ class TopicCheck:
     Attributes:
         messages: that are there.
         bytes: of their payloads.
-        missing: messages that their senders have numbered and that are not there.
+        missing: messages that are not there by their senders' numbers; of blobs and tracks, which
+            have the numbers of pictures, those of pictures that were left out, too.
         undecodable: payloads that are not what their encoding says.
         first_ns, last_ns: when the first and the last was recorded.
     """
 
     messages: int = 0
     bytes: int = 0
-    missing: int = 0
     undecodable: int = 0
     first_ns: int = 0
     last_ns: int = 0
-    _newest: dict[tuple[str, int], int] = field(default_factory=dict)
+    _gaps: Gaps = field(default_factory=Gaps)
+
+    @property
+    def missing(self) -> int:
+        """See above."""
+        return self._gaps.missing
 
     def take(self, message: WireMessage) -> None:
         """Count one message."""
@@ -47,13 +50,7 @@ class TopicCheck:
         if told.problem:
             self.undecodable += 1
         if told.counted is not None:
-            producer, epoch, seq = told.counted
-            sender = producer, epoch
-            newest = self._newest.get(sender)
-            if newest is not None:
-                self.missing += max(0, seq - newest - 1)
-            if newest is not None or len(self._newest) < _MOST_SENDERS:
-                self._newest[sender] = max(seq, newest or 0)
+            self._gaps.take(told.counted)
 
     @property
     def seconds(self) -> float:

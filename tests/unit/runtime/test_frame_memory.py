@@ -29,6 +29,37 @@ def test_as_many_frames_are_held_as_asked_for_and_the_next_goes_as_it_is(frame: 
     assert {bytes(each) for each in held} == {frame}
 
 
+def test_a_receiver_that_is_behind_gets_more_room_up_to_a_bound(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO)
+    memory = FrameMemory(2, LOG, most_frames=6)
+    held = [memory.hold(FRAME) for _ in range(7)]
+    assert [type(each) for each in held] == [ZShmMut] * 6 + [bytes]
+    assert {bytes(each) for each in held} == {FRAME}
+    assert [record.args for record in caplog.records] == [(4,), (6,)]
+    del held
+    assert isinstance(memory.hold(FRAME), ZShmMut)
+
+
+def test_room_that_is_not_to_be_had_is_asked_for_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    memory = FrameMemory(1, LOG, most_frames=4)
+    first = memory.hold(FRAME)
+
+    class Nothing:
+        @staticmethod
+        def default_backend(_bytes: int) -> ShmProvider:
+            raise zenoh.ZError("no room")
+
+    monkeypatch.setattr("heel.services.runtime.frame_memory.ShmProvider", Nothing)
+    assert [memory.hold(FRAME) for _ in range(3)] == [FRAME] * 3
+    assert len(caplog.records) == 1
+    del first
+    assert isinstance(memory.hold(FRAME), ZShmMut)
+
+
 def test_a_buffer_that_was_read_is_used_again() -> None:
     memory = FrameMemory(1, LOG)
     for _ in range(5):
