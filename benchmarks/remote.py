@@ -2,13 +2,15 @@
 
 Two network namespaces on this machine are the hosts (`benchmarks.links`). The robot has router and
 camera, 768x576 at 25 frames/s; what is elsewhere is started with the flag of the guide and nothing
-else. `command age` is from the follower to whoever obeys, over the link where the two are apart.
+else, by TCP or by UDP. `command age` is from the follower to whoever obeys, over the link where the
+two are apart.
 
 Example run: python -m benchmarks.remote --write docs/records/remote.md
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import os
@@ -48,11 +50,16 @@ _UP_S = 180.0
 _SETTLE_S = 3.0
 
 
+PROTOCOLS = ("tcp", "udp")
+"""By which services elsewhere reach the router."""
+
+
 @dataclass(frozen=True)
 class Row:
     """What one layout did over one link."""
 
     elsewhere: str
+    protocol: str
     link: str
     frames_hz: float
     """Frames that the detector worked on."""
@@ -65,22 +72,24 @@ class Row:
 
 
 @contextmanager
-def stack(hosts: Hosts, elsewhere: tuple[str, ...], source: str, folder: Path) -> Iterator[None]:
+def stack(
+    hosts: Hosts, elsewhere: tuple[str, ...], protocol: str, source: str, folder: Path
+) -> Iterator[None]:
     """The whole robot, some of it on the other host; every service is up.
 
     Raises:
         HeelError: one is not.
     """
-    endpoint = f"tcp/{hosts.here.address}:{PORT}"
+    wide = [_endpoint(hosts.here, one) for one in PROTOCOLS]
     with ExitStack() as resources:
         _start(
             resources, hosts.here, folder, "router", "--insecure", "--listen",
-            f"tcp/127.0.0.1:{PORT},{endpoint}",
+            ",".join((f"tcp/127.0.0.1:{PORT}", *wide)),
         )  # fmt: skip
         for service in (*SERVICES, *(one for one in elsewhere if one not in SERVICES)):
             host = hosts.there if service in elsewhere else hosts.here
             words = [source, "--loop"] if service == "capture" else []
-            where = ["--connect", endpoint] if service in elsewhere else []
+            where = ["--connect", _endpoint(hosts.here, protocol)] if service in elsewhere else []
             _start(resources, host, folder, service, *words, *where)
         deadline_s = time.monotonic() + _UP_S
         for service in (*SERVICES, *elsewhere):
@@ -90,6 +99,10 @@ def stack(hosts: Hosts, elsewhere: tuple[str, ...], source: str, folder: Path) -
                     raise HeelError(f"{service} is not up within {_UP_S:g} s: {log.read_text()}")
                 time.sleep(0.1)
         yield
+
+
+def _endpoint(router: Host, protocol: str) -> str:
+    return f"{protocol}/{router.address}:{PORT}"
 
 
 def _start(resources: ExitStack, host: Host, folder: Path, service: str, *words: str) -> None:
@@ -103,7 +116,9 @@ def _start(resources: ExitStack, host: Host, folder: Path, service: str, *words:
     resources.callback(process.terminate)
 
 
-def measure(hosts: Hosts, name: str, link: str, seconds: float, source: str = SOURCE) -> Row:
+def measure(
+    hosts: Hosts, name: str, protocol: str, link: str, seconds: float, source: str = SOURCE
+) -> Row:
     """One layout over one link.
 
     Raises:
@@ -112,30 +127,33 @@ def measure(hosts: Hosts, name: str, link: str, seconds: float, source: str = SO
     elsewhere = LAYOUTS[name]
     with tempfile.TemporaryDirectory(prefix="heel-") as folder:
         hosts.change(LINKS["1 Gbit/s"])
-        with stack(hosts, elsewhere, source, Path(folder)):
+        with stack(hosts, elsewhere, protocol, source, Path(folder)):
             hosts.change(LINKS[link])
             time.sleep(_SETTLE_S)
             before, started_s = hosts.passed_bytes(), time.monotonic()
             obeying = hosts.there if "drive" in elsewhere else hosts.here
-            heard = [_probe(hosts.here, hosts.here, seconds), _probe(obeying, hosts.here, seconds)]
+            obeys_by = _endpoint(hosts.here, protocol if "drive" in elsewhere else "tcp")
+            heard = [
+                _probe(hosts.here, _endpoint(hosts.here, "tcp"), seconds),
+                _probe(obeying, obeys_by, seconds),
+            ]
             said = [json.loads(one.communicate(timeout=seconds + _UP_S)[0]) for one in heard]
             after, took_s = hosts.passed_bytes(), time.monotonic() - started_s
     ages_ms = sorted(1e3 * age_s for age_s in said[1].get("command", []))
     frames = len(said[0].get("blobs", []))
     if not ages_ms:
-        raise HeelError(f"{name} over {link}: no command arrived")
+        raise HeelError(f"{name} by {protocol} over {link}: no command arrived")
     out, back = (8e-6 * (late - early) / took_s for late, early in zip(after, before, strict=True))
     return Row(
-        name, link, frames / seconds,
+        name, protocol, link, frames / seconds,
         (_percentile(ages_ms, 0.5), _percentile(ages_ms, 0.99), ages_ms[-1]),
         len(ages_ms) / seconds, out, back,
     )  # fmt: skip
 
 
-def _probe(host: Host, router: Host, seconds: float) -> subprocess.Popen[str]:
+def _probe(host: Host, endpoint: str, seconds: float) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        host.command(sys.executable, "-m", "benchmarks.links.probe",
-                     f"tcp/{router.address}:{PORT}", str(seconds)),
+        host.command(sys.executable, "-m", "benchmarks.links.probe", endpoint, str(seconds)),
         cwd=REPOSITORY, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
 
@@ -147,24 +165,29 @@ def _percentile(ordered: list[float], share: float) -> float:
 def table_of(rows: list[Row]) -> str:
     """Markdown, one line a row."""
     lines = [
-        "| elsewhere | link | frames/s | command age p50 | p99 | max, ms | commands/s | "
+        "| elsewhere | by | link | frames/s | command age p50 | p99 | max, ms | commands/s | "
         "robot to there | back, Mbit/s |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     lines += [
-        f"| {row.elsewhere} | {row.link} | {row.frames_hz:.1f} | {row.command_ms[0]:.0f} | "
-        f"{row.command_ms[1]:.0f} | {row.command_ms[2]:.0f} | {row.commands_hz:.0f} | "
+        f"| {row.elsewhere} | {row.protocol} | {row.link} | {row.frames_hz:.1f} | "
+        f"{row.command_ms[0]:.0f} | {row.command_ms[1]:.0f} | {row.command_ms[2]:.0f} | "
+        f"{row.commands_hz:.0f} | "
         f"{row.out_mbit:.1f} | {row.back_mbit:.1f} |"
         for row in rows
     ]
     return "\n".join(lines) + "\n"
 
 
+def _name(row: Row) -> str:
+    return f"{row.elsewhere} by {row.protocol} over {row.link}"
+
+
 @app.command()
 def main(
     seconds: Annotated[float, typer.Option(help="of each row", min=1)] = 30.0,
     only: Annotated[
-        str, typer.Option(help="rows of which this is a part: ELSEWHERE over LINK")
+        str, typer.Option(help="rows of which this is a part: ELSEWHERE by PROTOCOL over LINK")
     ] = "",
     source: Annotated[str, typer.Option(help="what the camera sees")] = SOURCE,
     json: Json = None,
@@ -173,17 +196,16 @@ def main(
     """Print frames, ages and bandwidth of every layout over every link."""
     rows = []
     with two_hosts(LINKS["1 Gbit/s"]) as hosts:
-        for name in LAYOUTS:
-            for link in LINKS:
-                if only in f"{name} over {link}":
-                    rows.append(measure(hosts, name, link, seconds, source))
-                    typer.echo(table_of(rows[-1:]).splitlines()[-1], err=True)
+        for name, link, protocol in itertools.product(LAYOUTS, LINKS, PROTOCOLS):
+            if only in f"{name} by {protocol} over {link}":
+                rows.append(measure(hosts, name, protocol, link, seconds, source))
+                typer.echo(table_of(rows[-1:]).splitlines()[-1], err=True)
     publish(table_of(rows), write, "remote")
     write_json(
-        [Figure(f"remote/{row.elsewhere}, {row.link}: command age p99", row.command_ms[1], "ms",
+        [Figure(f"remote/{_name(row)}: command age p99", row.command_ms[1], "ms",
                 "bound", row.command_ms[1] / MOST_AGE_MS, 1) for row in rows], json,
     )  # fmt: skip
-    old = [f"{row.elsewhere} over {row.link}" for row in rows if row.command_ms[1] > MOST_AGE_MS]
+    old = [_name(row) for row in rows if row.command_ms[1] > MOST_AGE_MS]
     if old:
         raise HeelError(f"commands older than {MOST_AGE_MS:g} ms: {'; '.join(old)}")
 

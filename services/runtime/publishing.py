@@ -30,6 +30,7 @@ class StreamPublisher:
             priority=qos.priority,
             congestion_control=qos.congestion,
             express=qos.express,
+            reliability=qos.reliability,
         )
         # The end must not be dropped, and being of the same priority it cannot overtake.
         self._ending = session.declare_publisher(

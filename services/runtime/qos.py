@@ -61,6 +61,14 @@ class TopicQos:
     capacity: int
     """Messages kept for a receiver that is behind; the oldest go first."""
     max_bytes: int
+    best_effort: bool = False
+    """Over UDP and QUIC a datagram, lost rather than late; over TCP like all else."""
+
+    @property
+    def reliability(self) -> zenoh.Reliability:
+        """As Zenoh names it."""
+        kinds = zenoh.Reliability
+        return kinds.BEST_EFFORT if self.best_effort else kinds.RELIABLE
 
     def for_delivery(self, delivery: Delivery) -> TopicQos:
         """The same topic when nothing may be lost."""
@@ -77,14 +85,15 @@ _BLOCK_FIRST = zenoh.CongestionControl.BLOCK_FIRST
 _P = zenoh.Priority
 
 # Priority; what happens when the link is full; express; how many a receiver that is behind keeps,
-# one where only the newest counts; largest message, bytes.
+# one where only the newest counts; largest message, bytes; best effort where the next message makes
+# up for a lost one sooner than repeating it would.
 IMAGE = TopicQos(_P.DATA_LOW, _BLOCK_FIRST, True, 1, MAX_IMAGE_BYTES)
 JPEG = IMAGE  # the same frames for other hosts
 DEPTH = TopicQos(_P.DATA_LOW, _BLOCK_FIRST, True, 4, MAX_IMAGE_BYTES)  # of several frames
 TAKEN = TopicQos(_P.REAL_TIME, _DROP, True, 64, Taken.max_bytes)
 BLOBS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Blobs.max_bytes)
 TRACKS = TopicQos(_P.DATA_HIGH, _DROP, True, 2, Tracks.max_bytes)
-COMMAND = TopicQos(_P.REAL_TIME, _DROP, True, 1, MotionCommand.max_bytes)
+COMMAND = TopicQos(_P.REAL_TIME, _DROP, True, 1, MotionCommand.max_bytes, True)
 ESTOP = TopicQos(_P.REAL_TIME, _DROP, True, 64, EStop.max_bytes)
 """A deep ring: a flood of releases must not push a stop out of it."""
 # Ahead of images, behind what drives; the columns are those above.
@@ -92,12 +101,12 @@ INFO = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, CameraInfo.max_bytes)
 STATE = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, FollowState.max_bytes)
 TARGET = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 8, Target.max_bytes)
 POINTED = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 1, Pointed.max_bytes)
-MANUAL = TopicQos(_P.REAL_TIME, _DROP, True, 1, Manual.max_bytes)
+MANUAL = TopicQos(_P.REAL_TIME, _DROP, True, 1, Manual.max_bytes, True)
 PROGRESS = TopicQos(_P.INTERACTIVE_HIGH, _BLOCK, True, LOSSLESS_CAPACITY, Progress.max_bytes)
 # Of the robot and of a simulated world; the columns are those above.
-ODOMETRY = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Odometry.max_bytes)
+ODOMETRY = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Odometry.max_bytes, True)
 RANGES = TopicQos(_P.DATA_HIGH, _DROP, True, 1, Ranges.max_bytes)
-DRIVE = TopicQos(_P.REAL_TIME, _DROP, True, 1, DriveState.max_bytes)
+DRIVE = TopicQos(_P.REAL_TIME, _DROP, True, 1, DriveState.max_bytes, True)
 SIM_TRUTH = TopicQos(_P.DATA, _DROP, False, 2, SimTruth.max_bytes)
 SIM_WORLD = TopicQos(_P.INTERACTIVE_HIGH, _DROP, False, 2, SimWorld.max_bytes)
 EVENTS = TopicQos(_P.DATA, _DROP, False, 16, TrackEvent.max_bytes)

@@ -42,9 +42,10 @@ from heel.services.runtime.session import (
     check_endpoints,
     one_line,
     start_zenoh_log,
+    tuned,
     why_no_room,
     why_no_shared_memory,
-    with_send_buffer,
+    with_datagrams,
 )
 from heel.services.runtime.settings import (
     Endpoints,
@@ -123,8 +124,8 @@ def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Con
                                 f"{_remedy(settings)}")  # fmt: skip
     entries: list[tuple[str, object]] = [
         ("mode", "router"),
-        ("listen/endpoints", [_bounded(endpoint) for endpoint in settings.listen]),
-        ("connect/endpoints", [_bounded(endpoint) for endpoint in settings.connect]),
+        ("listen/endpoints", [_tuned(endpoint) for endpoint in settings.listen]),
+        ("connect/endpoints", [_tuned(endpoint) for endpoint in settings.connect]),
         # One that is away is no reason not to start: it is linked with once it is there.
         ("connect/timeout_ms", -1),
         ("connect/exit_on_failure", False),
@@ -163,9 +164,9 @@ def router_config(settings: RouterSettings, lossless: bool = False) -> zenoh.Con
     return base
 
 
-def _bounded(endpoint: str) -> str:
-    """An endpoint that leads to other hosts, with little room in the kernel for what waits."""
-    return endpoint if is_loopback(endpoint) else with_send_buffer(endpoint)
+def _tuned(endpoint: str) -> str:
+    """An endpoint as it serves a robot: on loopback nothing waits in the kernel."""
+    return with_datagrams(endpoint) if is_loopback(endpoint) else tuned(endpoint)
 
 
 def check_users_file(file: Path) -> None:

@@ -26,6 +26,10 @@ _RETRY_PERIOD_S = 0.2
 # (340 ms -> 32 ms at 20 Mbit/s) and costs nothing visible on a fast one.
 _SEND_BUFFER = "so_sndbuf=32768"
 LEASE_MS = 3000
+_DATAGRAMS = {"udp": "mixed_rel=1;rel=1", "quic": "mixed_rel=1"}
+"""What makes QUIC of an endpoint, with datagrams for what is sent as best effort (`TopicQos`) and
+streams that repeat what is lost for the rest. Zenoh's plain UDP loses declarations and queries; its
+`udp` with `rel=1` is QUIC without TLS."""
 MAX_MESSAGE_BYTES = 16 << 20
 """What a process takes off the wire at most, whatever the topic: twice the largest image. Zenoh's
 own bound is 1 GiB, which one message of 900 MB took of the router and of every receiver."""
@@ -66,7 +70,7 @@ def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
 def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
     entries: list[tuple[str, object]] = [
         ("mode", settings.mode),
-        ("connect/endpoints", [with_send_buffer(endpoint) for endpoint in settings.connect]),
+        ("connect/endpoints", [tuned(endpoint) for endpoint in settings.connect]),
         ("connect/timeout_ms", 0),
         ("connect/retry", {"period_init_ms": 200, "period_max_ms": 300}),
         ("scouting/multicast/enabled", False),
@@ -79,7 +83,7 @@ def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
         ("transport/shared_memory/transport_optimization/pool_size", POOL_BYTES),
     ]
     if settings.listen:
-        entries.append(("listen/endpoints", list(settings.listen)))
+        entries.append(("listen/endpoints", [with_datagrams(one) for one in settings.listen]))
     elif settings.mode == "peer":
         # A peer that cannot be reached loses data silently; an ephemeral loopback port is the
         # least that works (measured).
@@ -92,11 +96,23 @@ def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
     return entries
 
 
-def with_send_buffer(endpoint: str) -> str:
-    """The endpoint with a bounded kernel send buffer, unless it says something itself."""
-    if not endpoint.startswith(("tcp/", "tls/")) or "#" in endpoint:
+def tuned(endpoint: str) -> str:
+    """An endpoint that leads to other hosts, as it serves a robot; what it says itself is kept.
+
+    Over TCP with little room in the kernel for what waits; over UDP and QUIC with datagrams.
+    """
+    if endpoint.startswith(("tcp/", "tls/")) and "#" not in endpoint:
+        return f"{endpoint}#{_SEND_BUFFER}"
+    return with_datagrams(endpoint)
+
+
+def with_datagrams(endpoint: str) -> str:
+    """An endpoint of UDP or QUIC with datagrams beside streams, unless it says something itself."""
+    datagrams = _DATAGRAMS.get(endpoint.partition("/")[0])
+    if datagrams is None or "?" in endpoint:
         return endpoint
-    return f"{endpoint}#{_SEND_BUFFER}"
+    address, hash_sign, configuration = endpoint.partition("#")
+    return f"{address}?{datagrams}{hash_sign}{configuration}"
 
 
 def one_line(error: Exception) -> str:

@@ -47,6 +47,8 @@ _AUTHORITY_DAYS = 3650
 """Ten years: what it signs ends sooner, and everything has to be made anew when it ends."""
 _PORT = 7447
 """Zenoh's usual one."""
+_PROTOCOLS = ("tls", "quic")
+"""What proves who the other side is; QUIC only where an endpoint names it."""
 
 
 class Members(BaseModel):
@@ -235,7 +237,7 @@ class SecurityFolder:
             self._set_password(name, password)
             return {"auth": {"usrpwd": {"user": name, "password": password}}}, None
         own = certify(self._authority(), name, self.members.days)
-        return {"link": {"protocols": ["tls"], "tls": {
+        return {"link": {"protocols": list(_PROTOCOLS), "tls": {
             "root_ca_certificate_base64": _base64((self.folder / AUTHORITY).read_bytes()),
             "enable_mtls": True,
             "connect_certificate_base64": _base64(own.certificate),
@@ -258,7 +260,7 @@ class SecurityFolder:
                 page = certify(self._authority(), "page", members.days, members.hosts)
                 _write(self.folder / PAGE_CERTIFICATE, page.certificate + page.key)
                 end = own.until
-                identity = {"link": {"protocols": ["tls"], "tls": {
+                identity = {"link": {"protocols": list(_PROTOCOLS), "tls": {
                     "root_ca_certificate_base64": _base64((self.folder / AUTHORITY).read_bytes()),
                     "enable_mtls": True,
                     "listen_certificate_base64": _base64(own.certificate),

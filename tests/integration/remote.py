@@ -84,7 +84,7 @@ class Recipe:
         password = str(users.with_name("password"))
         text = text.replace("$PWD/password", password).replace("> password", f"> {password}")
         text = text.replace("cat password", f"cat {password}")
-        self.robot, self.other, _, self.more = re.findall(
+        self.robot, self.other, _, self.more, *_ = re.findall(
             r"^```sh\n(.*?)^```$", text, re.DOTALL | re.MULTILINE
         )
 

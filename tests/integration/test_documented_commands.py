@@ -74,6 +74,7 @@ SLOW = {
 _README = "tests/integration/test_readme.py::"
 _SERVICES = _README + "test_one_service_each_and_the_commands_for_what_is_running"
 _TOOLS = "tests/integration/test_control.py::"
+_DATAGRAMS = "tests/integration/test_datagrams.py::"
 _REMOTE = "tests/integration/test_swap.py::test_tracks_go_on_when_a_service_moves_to_another_host"
 _DOCKER = "tests/docker/test_docs.py::test_the_commands_do_what_the_page_says"
 _DEMO_PROFILE = "tests/docker/test_demo.py::test_the_profile_shows_a_robot_in_a_world_of_its_own"
@@ -166,6 +167,10 @@ ELSEWHERE = {
     "heel detector --instance remote &": _REMOTE,
     "heel web --instance remote &": _REMOTE,
     "heel drive --instance remote --driver log &": _REMOTE,
+    "heel router --listen tcp/127.0.0.1:7447,tcp/192.168.1.7:7447,udp/192.168.1.7:7447 "
+    "--users-file users.txt &": _DATAGRAMS + "test_udp_asks_for_the_password_too",
+    "heel drive --instance remote --driver log --connect udp/192.168.1.7:7447 &":
+        _DATAGRAMS + "test_a_lost_command_by_udp_is_lost_and_holds_up_none_behind_it",
     "heel drive --driver serial-board --driver-options /dev/ttyUSB0":
         "tests/unit/drive/test_serial_example.py::test_the_board_is_told_velocities_and_stops",
     **dict.fromkeys(

@@ -1,8 +1,8 @@
 """Attacks on the bus as `heel security init` sets it up: every row of docs/guides/security.md.
 
-One router and one session per role for all of them. A message that the router refuses leaves no
-trace, so each attack is followed by something that its sender may send: what arrives after it
-arrives without it.
+One router and one session per role for all of them, over TLS, and again over QUIC. A message that
+the router refuses leaves no trace, so each attack is followed by something that its sender may
+send: what arrives after it arrives without it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from zenoh.handlers import RingChannel
 from heel.schemas import EStop, encode, keys
 from heel.services.runtime import qos
 from heel.services.runtime.router import RouterSettings, open_router
-from heel.services.runtime.session import zenoh_config
+from heel.services.runtime.session import with_datagrams, zenoh_config
 from heel.services.runtime.settings import ZenohSettings
 from heel.services.security.certificates import Certified, certify, new_authority
 from heel.services.security.folder import SecurityFolder
@@ -37,6 +37,7 @@ class Bus:
     """The router of a folder, a session of every role, and what the one that hears all heard."""
 
     made: SecurityFolder
+    protocol: str
     port: int
     resources: ExitStack
     sessions: dict[str, zenoh.Session] = field(default_factory=dict)
@@ -44,7 +45,7 @@ class Bus:
 
     @property
     def endpoint(self) -> str:
-        return f"tls/127.0.0.1:{self.port}"
+        return f"{self.protocol}/127.0.0.1:{self.port}"
 
     def config(self, name: str) -> zenoh.Config:
         return zenoh_config(
@@ -84,8 +85,8 @@ class Bus:
         return [one for one in heard[: heard.index(mark)] if not one[1].startswith(name.encode())]
 
 
-@pytest.fixture(scope="module")
-def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bus]:
+@pytest.fixture(scope="module", params=["tls", "quic"])
+def bus(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bus]:
     folder = tmp_path_factory.mktemp("security") / "keys"
     made = SecurityFolder.create(folder)
     for role in ("watch", "sensor"):
@@ -96,10 +97,11 @@ def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bus]:
     made.file_of("removed").write_bytes(removed)
     port = free_port()
     settings = RouterSettings(
-        config_file=made.file_of("router"), listen=(f"tls/127.0.0.1:{port}",), shared_memory=False
-    )
+        config_file=made.file_of("router"), listen=(f"{request.param}/127.0.0.1:{port}",),
+        shared_memory=False,
+    )  # fmt: skip
     with open_router(settings), ExitStack() as resources:
-        found = Bus(made, port, resources)
+        found = Bus(made, request.param, port, resources)
         for name in made.members.roles:
             found.enter(name)
         found.heard = found.collect("watch", *keys.TOPICS.values())
@@ -127,7 +129,8 @@ def with_identity(bus: Bus, identity: Certified | None) -> zenoh.Config:
     import base64
 
     document = {
-        "mode": "client", "connect": {"endpoints": [bus.endpoint], "timeout_ms": 0},
+        "mode": "client",
+        "connect": {"endpoints": [with_datagrams(bus.endpoint)], "timeout_ms": 0},
         "scouting": {"multicast": {"enabled": False}},
         "transport": {"link": {"tls": {
             "root_ca_certificate": str(bus.made.folder / "authority.crt"),
@@ -161,7 +164,9 @@ def test_nobody_gets_in_without_a_certificate_that_is_valid_and_ours(bus: Bus) -
 
 def test_nobody_gets_in_past_tls(bus: Bus) -> None:
     config = with_identity(bus, None)
-    config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{bus.port}"]))
+    plain = "udp" if bus.protocol == "quic" else "tcp"
+    endpoint = with_datagrams(f"{plain}/127.0.0.1:{bus.port}")
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     assert refused(config)
 
 

@@ -128,17 +128,22 @@ def test_motion_commands_are_never_latched_and_no_live_topic_waits_for_a_viewer(
     assert len(topics) > 12
     for name, topic in topics.items():
         assert topic.congestion == waiting.get(name, zenoh.CongestionControl.DROP), name
+    # What may be lost: the next one comes within 0.1 s, and nobody waits for any of them.
+    assert {name for name, topic in topics.items() if topic.best_effort} == {
+        "COMMAND", "MANUAL", "DRIVE", "ODOMETRY"
+    }  # fmt: skip
     for topic in (qos.COMMAND, qos.ESTOP):
         assert topic.priority == zenoh.Priority.REAL_TIME
         assert topic.express
 
 
-@pytest.mark.parametrize("topic", [qos.IMAGE, qos.BLOBS, qos.TRACKS])
+@pytest.mark.parametrize("topic", [qos.IMAGE, qos.BLOBS, qos.TRACKS, qos.COMMAND])
 def test_lossless_delivery_blocks_and_never_overflows_within_the_window(
     topic: qos.TopicQos,
 ) -> None:
     assert topic.for_delivery("live") == topic
     lossless = topic.for_delivery("lossless")
     assert lossless.congestion == zenoh.CongestionControl.BLOCK
+    assert lossless.reliability == zenoh.Reliability.RELIABLE
     assert lossless.capacity > qos.LOSSLESS_WINDOW_FRAMES
     assert (lossless.priority, lossless.max_bytes) == (topic.priority, topic.max_bytes)

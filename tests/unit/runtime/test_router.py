@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 from pathlib import Path
@@ -47,6 +48,17 @@ def test_a_users_file_that_lets_in_whom_nobody_meant_is_refused(
         with pytest.raises(SettingsError, match=said) as error:
             router_config(RouterSettings(listen=listen, users_file=users(tmp_path, text, mode)))
         assert "secret" not in str(error.value)
+
+
+def test_udp_is_as_open_to_the_network_as_tcp(tmp_path: Path) -> None:
+    for listen in ("udp/0.0.0.0:7447", "quic/192.168.1.7:7447"):
+        with pytest.raises(SettingsError, match="without authentication"):
+            router_config(RouterSettings(listen=("tcp/127.0.0.1:7447", listen)))
+    known = users(tmp_path, "robot:secret\n")
+    config = router_config(RouterSettings(listen=("udp/0.0.0.0:7447",), users_file=known))
+    assert json.loads(config.get_json("listen/endpoints")) == [
+        "udp/0.0.0.0:7447?mixed_rel=1;rel=1"
+    ]  # fmt: skip
 
 
 def test_a_users_file_that_is_not_there_is_named(tmp_path: Path) -> None:

@@ -148,10 +148,13 @@ def test_the_measured_traps_are_set() -> None:
         ("tcp/h:1", "tcp/h:1#so_sndbuf=32768"),
         ("tcp/h:1#x=1", "tcp/h:1#x=1"),
         ("tls/h:1", "tls/h:1#so_sndbuf=32768"),
-        ("quic/h:1", "quic/h:1"),
+        ("quic/h:1", "quic/h:1?mixed_rel=1"),
+        ("quic/h:1#x=1", "quic/h:1?mixed_rel=1#x=1"),
+        ("udp/h:1", "udp/h:1?mixed_rel=1;rel=1"),
+        ("udp/h:1?rel=0", "udp/h:1?rel=0"),
     ],
 )
-def test_what_runs_over_tcp_gets_a_bounded_send_buffer(given: str, sent: str) -> None:
+def test_endpoints_get_a_bounded_send_buffer_or_datagrams(given: str, sent: str) -> None:
     config = zenoh_config(settings(connect=[given]))
     assert json.loads(config.get_json("connect/endpoints")) == [sent]
 
