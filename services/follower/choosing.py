@@ -11,6 +11,10 @@ from heel.services.geometry.boxes import cover_of_smaller
 
 _TWO_PEOPLE = 0.5
 """Share of the smaller of two boxes that the other covers, from which a click can mean either."""
+_FAR_BEHIND = 0.6
+"""Height of a box seen inside a higher one, as a share of that, below which it is of somebody
+farther away, or shows the little that stands out from behind: not of whom the higher box shows.
+Chosen by hand."""
 
 NEWCOMER_S = 1.0
 """Age of a newcomer [s] up to which the tracker may still find that the id is on it; chosen by
@@ -49,14 +53,23 @@ def at_point(tracks: Tracks, x_px: float, y_px: float) -> Track | None:
 
 
 def companion(chosen: Track, tracks: Tracks) -> Track | None:
-    """Another person that the box stands on: the pixels under it then name neither of them."""
+    """Another person that the box stands on: the pixels under it then name neither of them.
+
+    Somebody who is seen far behind, or was a moment ago, leaves the nearer one's box as clear.
+    """
     for other in tracks.tracks:
         if other.id == chosen.id or other.state not in ("tracked", "occluded"):
+            continue
+        if other.shown and _height(other) < _FAR_BEHIND * _height(chosen):
             continue
         behind = other.id in chosen.occluded_by or chosen.id in other.occluded_by
         if behind or cover_of_smaller(chosen.box_xyxy, other.box_xyxy) >= _TWO_PEOPLE:
             return other
     return None
+
+
+def _height(track: Track) -> float:
+    return track.box_xyxy[3] - track.box_xyxy[1]
 
 
 class Newcomers:

@@ -71,10 +71,12 @@ class Provisional:
             return 0
         here = [track for track in tracks.tracks if track.id in self.ids and track.shown]
         alone = [t for t in here if t.state == "tracked" and companion(t, tracks) is None]
-        if not alone or any(t not in alone for t in here if t.missed_frames == 0):
+        # One of them may be far behind the other, who stands alone all the same.
+        others = [t for t in here if t.missed_frames == 0 and t not in alone]
+        if not alone or any(companion(t, tracks) not in alone for t in others):
             self._together(here)
             return None
-        if self._meant is None and len(alone) == 2 and all(map(self._holds, alone)):
+        if self._meant is None and len(here) == 2 and all(map(self._holds, here)):
             self._apart_s = None
             return None
         if self._apart_s is None:

@@ -325,6 +325,41 @@ def test_people_beside_each_other_are_just_chosen() -> None:
     assert (target.track_id, target.reason) == (1, "chosen")
 
 
+FAR_BEHIND = person(2, x=340, height=100.0)
+
+
+@pytest.mark.parametrize("age_frames", [3, 50], ids=["just come forth", "known for long"])
+@pytest.mark.parametrize("mode", ["point", "nearest"])
+def test_somebody_seen_far_behind_leaves_the_nearer_one_clear(
+    mode: TargetMode, age_frames: int
+) -> None:
+    watching = Watching(person(1))
+    watching.see(person(1), frames=20)
+    watching.see(person(1), FAR_BEHIND, frames=age_frames)
+    at = {"x_px": 310.0, "y_px": 300.0} if mode == "point" else {}
+    watching.follower.choose(TargetRequest(mode=mode, **at))
+    missed = FAR_BEHIND.model_copy(update={"state": "occluded", "occluded_by": (1,)})
+    for _ in range(6):
+        watching.see(person(1), FAR_BEHIND, frames=4)
+        watching.see(person(1), missed)
+    assert watching.chosen == (mode, 1)
+    assert watching.follower.decided
+
+
+def test_whoever_is_seen_far_behind_is_not_clear_themselves() -> None:
+    watching = Watching(person(1), FAR_BEHIND)
+    target = watching.follower.choose(TargetRequest(mode="id", track_id=2, x_px=340, y_px=340))
+    assert target.reason.startswith("not sure which of two, 2 and 1")
+    watching.see(person(1), FAR_BEHIND, frames=40)
+    assert watching.follower.state.state == "unsure", "the nearer box holds the point, too"
+    for shown in (True, False):
+        hidden = {"state": "occluded", "occluded_by": (1,), "shown": shown}
+        watching.see(person(1), FAR_BEHIND.model_copy(update=hidden), frames=10)
+        assert watching.chosen == ("id", 2)
+    watching.see(person(1, x=250), FAR_BEHIND, frames=40)
+    assert watching.chosen == ("id", 2)
+
+
 def restarted(**changes: int) -> Tracks:
     return tracks(person(1), person(2, x=500)).model_copy(update=changes)
 
