@@ -20,6 +20,11 @@ _SAME_IOU = 0.3  # from this overlap on two boxes are of the same person
 _LEAST_LIKENESS = 0.6
 """Correlation with the pixels the network last saw, below which they are another's by now: what
 passes in front takes the flow along."""
+_FILLS = 0.8
+"""Of the frame's height: whoever is higher fills the picture, their head or feet often beyond it,
+and networks miss them for as long as they stand there; chosen by hand."""
+_FILLING_S = 30.0
+"""For so long somebody who fills the picture is kept by their pixels at most; chosen by hand."""
 _LEAST_INSIDE = 0.8  # a box that has left the picture farther than this share is gone
 
 
@@ -42,7 +47,10 @@ class Between:
     """Remembers the people of the frame before and says where those are that are missing now."""
 
     def __init__(self, longest_s: float) -> None:
-        """Keep nobody for longer than this, in which the score falls to nothing."""
+        """Keep nobody for longer than this, in which the score falls to nothing.
+
+        Whoever fills the picture is kept for longer, unless this is 0.
+        """
         self._longest_s = longest_s
         self._before: NDArray[np.uint8] | None = None
         self._people: list[SeenPerson] = []
@@ -78,8 +86,9 @@ class Between:
         if self._before is not None and self._before.shape == grey.shape:
             for person, patch in zip(self._people, self._patches, strict=True):
                 gone_s = person.unseen_s + elapsed_s
+                longest_s = self._keeps_s(person.box_xyxy, grey)
                 taken = [one.box_xyxy for one in (*seen, *kept)]
-                if gone_s >= self._longest_s or _among(moved_box(person.box_xyxy, camera), taken):
+                if gone_s >= longest_s or _among(moved_box(person.box_xyxy, camera), taken):
                     continue
                 box = followed(self._before, grey, person.box_xyxy, camera)
                 if box is None or _among(box, taken) or not _inside(box, grey):
@@ -88,13 +97,17 @@ class Between:
                 if not _among(box, confirmed) or alike < _LEAST_LIKENESS:
                     continue
                 patches.append(patch)
-                left_s = self._longest_s - person.unseen_s
-                score = person.score * (self._longest_s - gone_s) / left_s
+                left_s = longest_s - person.unseen_s
+                score = person.score * (longest_s - gone_s) / left_s
                 kept.append(SeenPerson(box, score, gone_s))
         self._before, self._t_ns = grey, t_ns
         self._people = [*seen, *kept]
         self._patches = [*(grey_patch(grey, person.box_xyxy) for person in seen), *patches]
         return kept
+
+    def _keeps_s(self, box: BoxXyxy, image: NDArray[np.uint8]) -> float:
+        fills = self._longest_s > 0 and box[3] - box[1] >= _FILLS * image.shape[0]
+        return max(self._longest_s, _FILLING_S) if fills else self._longest_s
 
 
 def _among(box: BoxXyxy, others: Sequence[BoxXyxy]) -> bool:

@@ -272,6 +272,32 @@ def test_who_is_missed_is_carried_for_a_bounded_time_with_falling_score() -> Non
     assert carried[3][0].box_xyxy == pytest.approx(box(104, 60), abs=2.5)
 
 
+def filling(seconds: int, at: tuple[int, int] | None, longest_s: float = 0.5) -> list[SeenPerson]:
+    """Who is carried after so long, of somebody higher than the picture; `at`: where they are then.
+
+    Once a second they are missed again.
+    """
+    before, now = scene(at=(100, 60))[62:138], scene(at=at)[62:138]
+    whole = (100.0, -2.0, 130.0, 78.0)
+    between = Between(longest_s)
+    between.update(before, 0, [SeenPerson(whole, 0.8)], [], STILL)
+    for second in range(1, seconds):
+        between.update(before, second * 10**9, [], [whole], STILL)
+    return between.update(now, seconds * 10**9, [], [whole], STILL)
+
+
+def test_who_fills_the_picture_is_carried_for_longer() -> None:
+    [carried] = filling(10, at=(100, 60))
+    assert carried.box_xyxy == pytest.approx((100, -2, 130, 78), abs=2.5)
+    assert carried.score == pytest.approx(0.8 * 20 / 30, abs=0.01)
+    assert filling(30, at=(100, 60)) == [], "not for ever"
+    assert filling(10, at=(100, 60), longest_s=0.0) == [], "not if pixels carry nobody at all"
+
+
+def test_who_filled_the_picture_is_carried_no_more_once_gone() -> None:
+    assert filling(10, at=None) == []
+
+
 def test_nobody_is_carried_without_an_identity() -> None:
     assert not any(carry([scene(at=(100, 60))] * 4, confirmed=False))
 
