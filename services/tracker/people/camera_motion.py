@@ -1,4 +1,4 @@
-"""Motion of the camera, estimated from the boxes alone.
+"""Motion of the camera, estimated from the boxes alone, where nobody tells it.
 
 The innovations of the Kalman filters are independent while the camera stands: people do not change
 pace together. A camera that turns or shakes causes equal innovations of all of them at once. So the

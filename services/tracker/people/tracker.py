@@ -182,7 +182,8 @@ class PeopleTracker(Generic[Frame]):
         recent_s = t_s - 1.5 * self._elapsed_s
         steady = [k for k, track in enumerate(tracks) if track.hits > 3 and track.seen_s > recent_s]
         surprise = seen[:, :2] - mean[:, :2, 0]
-        self._camera.learn((surprise / np.exp(mean[:, 2, :1]))[steady])
+        if not self._carried:  # who is told how the camera moves need not guess
+            self._camera.learn((surprise / np.exp(mean[:, 2, :1]))[steady])
         found = {id(track) for track in tracks}
         unseen = [track for track in self._tracks if id(track) not in found]
         if len(steady) >= _LEAST_WITNESSES and not self._camera.stands():

@@ -164,6 +164,22 @@ def test_predictions_go_with_a_camera_that_says_how_it_moves(told: bool) -> None
         assert {track.id for tracks in boxes[3:] for track in tracks} == {1}
 
 
+@pytest.mark.parametrize("told", [True, False], ids=["told", "not told"])
+def test_people_who_move_alike_move_no_camera_that_says_it_stands(told: bool) -> None:
+    """Two hop to and fro in step; where the third one is who is unseen is told by the camera."""
+
+    def hopping(colours: Colours, x: float) -> Person:
+        return Person(colours, lambda t_s: (x + 36.0 * (round(t_s * 10) % 8 < 4), 400.0))
+
+    tracker = Tracker(TrackerSettings())
+    still = CameraMotion(affine=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0), quality=1.0)
+    people = [hopping(RED, 80), hopping(GREEN, 250), standing(BLUE, 550, (0, 8.0))]
+    for seq in range(84):
+        tracks = tracker.update(message(people, seq, 10, still if told else None)).tracks
+    away = next(track for track in tracks if track.missed_frames)
+    assert (abs(away.box_xyxy[0] - box((550, 400))[0]) < 15) == told
+
+
 def test_a_camera_step_moves_places_sizes_and_speeds() -> None:
     tracker = Tracker(TrackerSettings())
     for seq in range(20):
