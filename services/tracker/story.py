@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from heel.services.tracker.trace import Event, Kind
+from heel.services.tracker.trace import Event
 
 AROUND_FRAMES = 50
 """Frames before and after the one asked about whose events are told: two to five seconds, the
@@ -75,135 +75,86 @@ def story(
 
 def sentence(event: Event) -> str:
     """One event in words, without its frame, its time and a full stop."""
-    return _SENTENCES[event.kind](event)
+    own, sure, rest = f"id {event.id}", percent(event.probability), _rest(event)
+    match event.kind:
+        case "input":
+            return f"{_INPUTS[event.input or 'foreground']}; {_METHODS[event.method or 'evidence']}"
+        case "born":
+            return f"{own} is first seen, and not yet taken for a person"
+        case "confirmed":
+            return f"{own} is taken for a person"
+        case "unseen":
+            why = f"hidden by id {event.other}" if event.other else "and nothing known hides it"
+            return f"{own} is not seen on its own any more, {why}"
+        case "seen":
+            return f"{own} is seen on its own again"
+        case "unsure":
+            return f"{own} is unsure: {sure} that it is on the same person{rest}"
+        case "sure":
+            return f"{own} is sure again: {sure}{rest}"
+        case "gone":
+            return f"{own} is not tracked any more; it may be re-identified"
+        case "forgotten":
+            return f"{own} is forgotten, and never comes back"
+        case "contact":
+            either = "either track may leave with the other's person"
+            return f"ids {event.id} and {event.other} come into contact: {either}"
+        case "decided":
+            return f"the contact of ids {event.id} and {event.other} {_decision(event)}"
+        case "assigned":
+            kept = f"{own} is decided to be on its own person"
+            other = f"the track that was {own} is decided to be the person of id {event.other}"
+            what = kept if event.outcome == "kept" else other
+            return f"after the contact {what}, with {sure}{rest}"
+        case "returned":
+            return f"{own} has a box again after a gap: {sure} that it is the same person{rest}"
+        case "re-identified":
+            who = f"the track that was id {event.other}" if event.other else "a new track"
+            known = f"is taken for the person of {own} that was out of sight, with {sure}"
+            return f"{who} {known}{_rest(event, unknown='a new person')}"
+        case "new":
+            stays = f"{own} is compared with people out of sight, and stays a person of its own"
+            if not event.runner_up or (event.runner_up_probability or 0.0) < _UNLIKELY:
+                return f"{stays}: none of them is likely"
+            best = f"id {event.runner_up} with {percent(event.runner_up_probability)}"
+            return f"{stays}: the likeliest of them is {best}, which is too little"
+        case "given up":
+            cause = _CAUSES[event.cause or "confidence"]
+            on = f"the track goes on as id {event.other}"
+            return f"{own} is given up ({sure} left), as {cause}; {on}{rest}"
+        case "verifying":
+            until = "until both are seen alone it is open on which of them the id is"
+            return f"{_newcomer(event)} came forth from the box of {own}: {until}"
+        case "verified":
+            left = f"{sure} is left, doubts of before included"
+            return f"{own} against {_newcomer(event)}: {_verified(event)}; {left}"
+        case "full":
+            return "the trace file is full and ends here"
 
 
-def _input(event: Event) -> str:
-    return f"{_INPUTS[event.input or 'foreground']}; {_METHODS[event.method or 'evidence']}"
-
-
-def _unseen(event: Event) -> str:
-    why = f"hidden by id {event.other}" if event.other else "and nothing known hides it"
-    return f"id {event.id} is not seen on its own any more, {why}"
-
-
-def _unsure(event: Event) -> str:
-    return (
-        f"id {event.id} is unsure: {percent(event.probability)} that it is on the same person"
-        f"{_rest(event)}"
-    )
-
-
-def _sure(event: Event) -> str:
-    return f"id {event.id} is sure again: {percent(event.probability)}{_rest(event)}"
-
-
-def _decided(event: Event) -> str:
-    pair = f"the contact of ids {event.id} and {event.other}"
+def _decision(event: Event) -> str:
+    """What became of a contact, and which clues said so."""
+    sure = percent(event.probability)
     clues = (
-        f"motion alone says {_chance(event.motion_log_odds)} that both stayed, colours alone "
-        f"{_chance(event.looks_log_odds)}"
+        f"(motion alone says {_chance(event.motion_log_odds)} that both stayed, colours alone "
+        f"{_chance(event.looks_log_odds)})"
     )
     if event.outcome == "exchanged":
-        return (
-            f"{pair} is decided: the tracks had changed people, with {percent(event.probability)}, "
-            f"so the ids were exchanged back ({clues})"
-        )
+        back = f"the tracks had changed people, with {sure}, so the ids were exchanged back"
+        return f"is decided: {back} {clues}"
     if event.outcome == "kept":
-        return (
-            f"{pair} is decided: each stayed with its person, with {percent(event.probability)} "
-            f"({clues})"
-        )
-    return (
-        f"{pair} ends undecided: each is left where it is, with {percent(event.probability)} "
-        f"({clues})"
-    )
-
-
-def _assigned(event: Event) -> str:
-    after = "after the contact "
-    if event.outcome == "kept":
-        what = f"id {event.id} is decided to be on its own person"
-    else:
-        what = f"the track that was id {event.id} is decided to be the person of id {event.other}"
-    return f"{after}{what}, with {percent(event.probability)}{_rest(event)}"
-
-
-def _returned(event: Event) -> str:
-    return (
-        f"id {event.id} has a box again after a gap: {percent(event.probability)} that it is the "
-        f"same person{_rest(event)}"
-    )
-
-
-def _re_identified(event: Event) -> str:
-    who = f"the track that was id {event.other}" if event.other else "a new track"
-    return (
-        f"{who} is taken for the person of id {event.id} that was out of sight, with "
-        f"{percent(event.probability)}{_rest(event, unknown='a new person')}"
-    )
-
-
-def _new(event: Event) -> str:
-    own = f"id {event.id} is compared with people out of sight, and stays a person of its own"
-    if not event.runner_up or (event.runner_up_probability or 0.0) < _UNLIKELY:
-        return f"{own}: none of them is likely"
-    best = f"the likeliest of them is id {event.runner_up} with"
-    return f"{own}: {best} {percent(event.runner_up_probability)}, which is too little"
-
-
-def _given_up(event: Event) -> str:
-    return (
-        f"id {event.id} is given up ({percent(event.probability)} left), as "
-        f"{_CAUSES[event.cause or 'confidence']}; the track goes on as id {event.other}"
-        f"{_rest(event)}"
-    )
-
-
-def _verifying(event: Event) -> str:
-    return (
-        f"{_newcomer(event)} came forth from the box of id {event.id}: until both are seen alone "
-        "it is open on which of them the id is"
-    )
+        return f"is decided: each stayed with its person, with {sure} {clues}"
+    return f"ends undecided: each is left where it is, with {sure} {clues}"
 
 
 def _verified(event: Event) -> str:
-    clues = (
-        f"colours of before say {_chance(event.before_log_odds)} that it stayed, colours of the "
-        f"split {_chance(event.split_log_odds)}"
-    )
-    against = f"id {event.id} against {_newcomer(event)}"
-    left = f"{percent(event.probability)} is left, doubts of before included"
     if event.before_log_odds is None:
-        return f"{against}: that one is gone before both were seen alone; {left}"
-    found = {"confirmed": "confirmed", "refuted": "refuted"}.get(event.outcome or "open")
-    return f"{against}: {found or 'colours cannot tell'} ({clues}); {left}"
-
-
-_SENTENCES: dict[Kind, Callable[[Event], str]] = {
-    "input": _input,
-    "born": lambda event: f"id {event.id} is first seen, and not yet taken for a person",
-    "confirmed": lambda event: f"id {event.id} is taken for a person",
-    "unseen": _unseen,
-    "seen": lambda event: f"id {event.id} is seen on its own again",
-    "unsure": _unsure,
-    "sure": _sure,
-    "gone": lambda event: f"id {event.id} is not tracked any more; it may be re-identified",
-    "forgotten": lambda event: f"id {event.id} is forgotten, and never comes back",
-    "contact": lambda event: (
-        f"ids {event.id} and {event.other} come into contact: either track may leave with the "
-        "other's person"
-    ),
-    "decided": _decided,
-    "assigned": _assigned,
-    "returned": _returned,
-    "re-identified": _re_identified,
-    "new": _new,
-    "given up": _given_up,
-    "verifying": _verifying,
-    "verified": _verified,
-    "full": lambda _: "the trace file is full and ends here",
-}
+        return "that one is gone before both were seen alone"
+    found = event.outcome if event.outcome in ("confirmed", "refuted") else "colours cannot tell"
+    return (
+        f"{found} (colours of before say {_chance(event.before_log_odds)} that it stayed, colours "
+        f"of the split {_chance(event.split_log_odds)})"
+    )
 
 
 def _newcomer(event: Event) -> str:
