@@ -5,7 +5,7 @@ replayed to trackers that lack one mechanism each. So a row takes seconds; what 
 have seen by other feedback is left out. Boxes of files are tracked as in `benchmarks.association`.
 A row shows the difference to the tracker as it is, where one of the four is at least 0.05.
 
-Example run: python -m benchmarks.mechanisms --model yolox_nano.onnx --recording PETS09-S3MF1
+Example run: python -m benchmarks.mechanisms --model yolox_nano.onnx --write docs/records/results.md
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ def main(
                 typer.echo(lines[-1], err=True)
         if same:
             lines.append(f"| {name} | {same} others | the same | | | |")
-    publish("\n".join(lines) + "\n", write)
+    publish("\n".join(lines) + "\n", write, "mechanisms")
 
 
 if __name__ == "__main__":
