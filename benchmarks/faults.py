@@ -77,6 +77,9 @@ chosen. Chosen by hand."""
 _STANDS_S = DriveSettings().ttl_s + 1.0
 """Seconds after a fault from which on the robot has to stand: the drive's own time, and 0.7 s in
 which the simulated robot brakes from 1.6 m/s; chosen by hand."""
+_HEARD_LATE_S = 0.5
+"""So long before the new process was heard it may have driven already: a drive's first word is on
+its way meanwhile, and simulated time is as old as the last frame. Chosen by hand."""
 _LOOK_S = 0.02
 _TAG = "HEEL_FAULTS_OF"
 
@@ -163,7 +166,8 @@ class Trial:
 
     Attributes:
         seconds: to the recovery; None if there was none.
-        fastest_mps: true speed while it had to stand; None where it need not, or was back before.
+        fastest_mps: true speed while it had to stand: from the time in which it brakes until the
+            new process may drive; None where there was no such time.
         same: whether the target had the same id afterwards.
         asked: whether the follower asked to choose again.
         wrong: whether the robot acted upon anybody else.
@@ -252,13 +256,14 @@ class Bench:
         while back is None and time.monotonic() - at_s < _GIVEN_UP_S:
             time.sleep(_LOOK_S)
             back = self._recovered(service, pid, process, at_s)
-        out_s = (time.monotonic() if back is None else back) - at_s
+        heard_s, back_s = back or (time.monotonic(), time.monotonic())
+        out_s, silent_s = back_s - at_s, heard_s - at_s - _HEARD_LATE_S
         seen = watch.since(at_s)
         asked = any(one.asks for one in seen)
         trial = Trial(
             kept, service, fault, None if back is None else out_s,
-            None if service == "web" or out_s <= _STANDS_S else
-            fastest_mps(self._robot.truth, t_s + _STANDS_S, t_s + out_s),
+            None if service == "web" or silent_s <= _STANDS_S else
+            fastest_mps(self._robot.truth, t_s + _STANDS_S, t_s + silent_s),
             same=bool(seen) and not asked and seen[-1].target_id == before.target_id, asked=asked,
             wrong=any(one.role not in (None, "target") for one in seen),
         )  # fmt: skip
@@ -278,8 +283,10 @@ class Bench:
                   self._watch.producers.items() if heard_s > at_s}  # fmt: skip
         return f"{'; '.join(words)}; up: {starts}"
 
-    def _recovered(self, service: str, pid: int, process: str, at_s: float) -> float | None:
-        """When the robot went on, if it has."""
+    def _recovered(
+        self, service: str, pid: int, process: str, at_s: float
+    ) -> tuple[float, float] | None:
+        """When the new process was heard first and when the robot went on, if it has."""
         watch = self._watch
         if self._robot.pid(service) in (None, pid):
             return None
@@ -291,8 +298,12 @@ class Bench:
             producer, since_s = watch.producers.get(service, ("", 0.0))
             if producer in ("", process):
                 return None
-            if service == "drive" and (watch.drive[0] != producer or watch.drive[1] != "driving"):
-                return None
+            if service == "drive":
+                sender, state, sends_since_s = watch.drive
+                if sender != producer or state != "driving":
+                    return None
+                # Its wheels may turn before it tells of its health.
+                since_s = min(since_s, sends_since_s)
         else:
             # What was heard before the router went away does not count.
             heard = [at_s, *(one.at_s for one in watch.since(at_s))]
@@ -303,7 +314,7 @@ class Bench:
             since_s = gaps[-1]
         moments = watch.since(since_s)
         following = bool(moments) and moments[-1].state == "following"
-        return time.monotonic() if following and moments[-1].role == "target" else None
+        return (since_s, time.monotonic()) if following and moments[-1].role == "target" else None
 
     def _await_following(self, since_s: float) -> Moment:
         """The newest moment, once the robot has followed for a while in an episode that goes on."""

@@ -82,7 +82,7 @@ class Watch:
         self.producers: dict[str, tuple[str, float]] = {}
         """Of each service that has told of itself: its process, and when it was first heard."""
         self.drive: tuple[str, str, float] = "", "", 0.0
-        """Who sends to the wheels, its state, and when it was heard last."""
+        """Who sends to the wheels, its state, and since when this one is heard."""
         self.episodes = 0
         self.page = ""
         """Address of the page."""
@@ -146,7 +146,9 @@ class Watch:
             self._onlooker.tracks(message)
         elif isinstance(message, DriveState) and sample.attachment is not None:
             stamp = decode(Stamp, sample.attachment.to_bytes())
-            self.drive = stamp.producer, message.state, now_s
+            sender, _, since_s = self.drive
+            since_s = since_s if sender == stamp.producer else now_s
+            self.drive = stamp.producer, message.state, since_s
         elif isinstance(message, Health):
             if self.producers.get(message.service, ("", 0.0))[0] != message.producer:
                 self.producers[message.service] = message.producer, now_s
