@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 import threading
 from collections import deque
@@ -56,6 +57,8 @@ class ServiceStatistics:
         self.last_loop_s: float | None = None
         self.shared_memory: bool | None = None
         self.details: dict[str, str] = {}
+        self.certificates_until: list[datetime.datetime] = []
+        """Ends of the certificates that this process rests on."""
         self.input_topic: str | None = None
         """The stream that `input` counts and that is missed when it falls silent."""
         self.input_over = False

@@ -52,7 +52,8 @@ class HealthReporter(threading.Thread):
         certificate_until: datetime.datetime | None = None,
     ) -> None:
         super().__init__(name="health", daemon=True)
-        self._certificate_until = certificate_until
+        if certificate_until is not None:
+            statistics.certificates_until.append(certificate_until)
         self._notifier = notifier
         self._file, self._presence, self._memory = file, presence, memory
         self._service, self._instance, self._producer = service, instance, producer
@@ -106,8 +107,8 @@ class HealthReporter(threading.Thread):
         rss_mb, peak_rss_mb = process.memory_mb()
         loop_age_s = now_s - (s.last_loop_s or self._started_s)
         problems = [*self._around(now_s), *s.problems(now_s)]
-        if self._certificate_until is not None:
-            s.detail(CERTIFICATE, ends_soon(days_left(self._certificate_until)))
+        if s.certificates_until:
+            s.detail(CERTIFICATE, ends_soon(days_left(min(s.certificates_until))))
         hung = loop_age_s > (HUNG_S if s.last_loop_s else START_S)
         if hung:
             problems.insert(0, f"the service loop has hung for {loop_age_s:.1f} s: restart it")

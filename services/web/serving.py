@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 
+from heel.services.runtime.certificate import end_of_pem
 from heel.services.runtime.service import ServiceContext
 from heel.services.security.folder import own_names
 from heel.services.web.address import reachable_host, show_code
@@ -42,6 +43,8 @@ def serving(
         login = None if settings.users_file is None else Login(settings.users_file)
         if settings.certificate is not None:
             tls = tls_context(settings.certificate, settings.certificate_key)
+            if (until := end_of_pem(settings.certificate)) is not None:
+                context.statistics.certificates_until.append(until)
         names = settings.names
         if login is not None:
             # Another site's name for this machine has none of the cookies.
