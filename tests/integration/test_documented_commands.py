@@ -64,7 +64,7 @@ SLOW = {
     "heel scenarios --episodes 84 --seed 5000": "84 episodes; one is run",
     "heel scenarios --episodes 84 --seed 5000 --json": "84 episodes; one is run",
     "heel scenarios --postures --no-ranges --uncalibrated": "27 episodes; one is run",
-    "heel scenarios --everyday --episodes 8 --seed 12000": "8 episodes; one is run",
+    "heel scenarios --everyday --episodes 32 --seed 12000": "32 episodes; one is run",
     "heel scenarios --everyday --episodes 112 --seed 12000": "112 episodes; one is run",
     "heel scenarios --pixels --episodes 112 --seed 9100": "112 episodes; one is run",
     "python -m benchmarks.rendering": "renders",
