@@ -55,12 +55,12 @@ def at_point(tracks: Tracks, x_px: float, y_px: float) -> Track | None:
 def companion(chosen: Track, tracks: Tracks) -> Track | None:
     """Another person that the box stands on: the pixels under it then name neither of them.
 
-    Somebody who is seen far behind, or was a moment ago, leaves the nearer one's box as clear.
+    Somebody far behind, seen or hidden, leaves the nearer one's box as clear.
     """
     for other in tracks.tracks:
         if other.id == chosen.id or other.state not in ("tracked", "occluded"):
             continue
-        if other.shown and _height(other) < _FAR_BEHIND * _height(chosen):
+        if _height(other) < _FAR_BEHIND * _height(chosen):
             continue
         behind = other.id in chosen.occluded_by or chosen.id in other.occluded_by
         if behind or cover_of_smaller(chosen.box_xyxy, other.box_xyxy) >= _TWO_PEOPLE:

@@ -73,7 +73,10 @@ class Provisional:
         alone = [t for t in here if t.state == "tracked" and companion(t, tracks) is None]
         # One of them may be far behind the other, who stands alone all the same.
         others = [t for t in here if t.missed_frames == 0 and t not in alone]
-        if not alone or any(companion(t, tracks) not in alone for t in others):
+        hidden = any(
+            t.id == self.ids[0] and t.state == "occluded" and not t.shown for t in tracks.tracks
+        )
+        if not alone or hidden or any(companion(t, tracks) not in alone for t in others):
             self._together(here)
             return None
         if self._meant is None and len(here) == 2 and all(map(self._holds, here)):

@@ -338,10 +338,10 @@ def test_somebody_seen_far_behind_leaves_the_nearer_one_clear(
     watching.see(person(1), FAR_BEHIND, frames=age_frames)
     at = {"x_px": 310.0, "y_px": 300.0} if mode == "point" else {}
     watching.follower.choose(TargetRequest(mode=mode, **at))
-    missed = FAR_BEHIND.model_copy(update={"state": "occluded", "occluded_by": (1,)})
-    for _ in range(6):
+    missed = {"state": "occluded", "occluded_by": (1,), "missed_frames": 1}
+    for at in range(6):
         watching.see(person(1), FAR_BEHIND, frames=4)
-        watching.see(person(1), missed)
+        watching.see(person(1), FAR_BEHIND.model_copy(update={**missed, "shown": at % 2 == 0}))
     assert watching.chosen == (mode, 1)
     assert watching.follower.decided
 
@@ -353,7 +353,7 @@ def test_whoever_is_seen_far_behind_is_not_clear_themselves() -> None:
     watching.see(person(1), FAR_BEHIND, frames=40)
     assert watching.follower.state.state == "unsure", "the nearer box holds the point, too"
     for shown in (True, False):
-        hidden = {"state": "occluded", "occluded_by": (1,), "shown": shown}
+        hidden = {"state": "occluded", "occluded_by": (1,), "missed_frames": 1, "shown": shown}
         watching.see(person(1), FAR_BEHIND.model_copy(update=hidden), frames=10)
         assert watching.chosen == ("id", 2)
     watching.see(person(1, x=250), FAR_BEHIND, frames=40)
