@@ -8,10 +8,12 @@ import time
 from pathlib import Path
 
 import pytest
+import zenoh
 
-from heel.schemas import Header, Health, decode, encode, keys
+from heel.schemas import Header, Health, HeelError, Tracks, decode, encode, keys
 from heel.schemas.image import RAW, encode_image
 from heel.services.capture.sources import open_source
+from heel.services.cli import app
 from heel.services.recordings.reading import Recording, wire_messages
 from heel.services.recordings.wire import WireMessage
 from tests.support import network
@@ -94,6 +96,41 @@ def test_sigkill_costs_a_recording_less_than_a_second(tmp_path: Path) -> None:
         if message.encoding == RAW:
             header = decode(Header, message.attachment or b"")
             assert pictures.get(header.index, message.payload) == message.payload
+
+
+def test_a_lossless_replay_leaves_no_frame_out(tmp_path: Path) -> None:
+    path = scene_as_recorded(tmp_path / "scene.mcap")
+    with network.router() as endpoint, network.client(endpoint) as session:
+        told: list[int] = []
+
+        def hear(sample: zenoh.Sample) -> None:
+            if str(sample.encoding) == Tracks.encoding():
+                told.append(decode(Tracks, sample.payload.to_bytes()).seq)
+
+        session.declare_subscriber(keys.tracks("front"), hear)
+        where = ("--connect", endpoint)
+        lossless = ("--delivery", "lossless", *where)
+        with (
+            running("-m", "heel", "detector", "--model", "none", *lossless) as detector,
+            running("-m", "heel", "tracker", *lossless) as tracker,
+        ):
+            network.wait_until(
+                lambda: "is up" in detector.stderr() and "is up" in tracker.stderr(), "both", 60.0
+            )
+            words = ("-m", "heel", "replay", str(path), "--lossless", *where)
+            code, said, errors = finished(*words, deadline_s=90.0)
+            assert code == 0, errors
+        assert told == list(range(120))
+        assert "sent 121 messages" in said
+
+
+def test_a_lossless_replay_that_nobody_tracks_ends_in_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("heel.services.commands.recording.replay._TRACKS_S", 0.5)
+    path = recording(tmp_path / "a.mcap", [info(), *(image(seq) for seq in range(9))])
+    with network.router() as endpoint, pytest.raises(HeelError, match="no tracks of the frames"):
+        app(["replay", str(path), "--lossless", "--connect", endpoint], standalone_mode=False)
 
 
 def test_what_never_came_is_counted_by_the_pictures_own_numbers(tmp_path: Path) -> None:

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from heel.schemas import CameraInfo, encode, keys
+from heel.schemas import CameraInfo, FrameId, encode, keys
 from heel.schemas.errors import SettingsError
-from heel.services.commands.recording.replay import SEEN, as_replayed, due, fits, selection
+from heel.services.commands.recording.replay import (
+    SEEN,
+    Window,
+    as_replayed,
+    due,
+    fits,
+    for_lossless,
+    selection,
+)
 from heel.services.recordings.wire import WireMessage
 from heel.services.runtime.qos import BY_TOPIC
 from tests.support.recordings import WALL_NS, image, info, tracks
@@ -35,6 +43,32 @@ def test_nothing_that_moves_a_robot_is_sent_unless_it_is_named() -> None:
         selection("image,taken")
     with pytest.raises(SettingsError, match="no topic is called 'pixels'; known: image"):
         selection("pixels")
+
+
+def test_a_lossless_replay_leaves_out_what_is_made_anew() -> None:
+    names = for_lossless(selection(None), named=False).names
+    assert set(SEEN) - set(names) == {"blobs", "tracks", "events"}
+    with pytest.raises(SettingsError, match="leave blobs, tracks out"):
+        for_lossless(selection("image,tracks,blobs"), named=True)
+    with pytest.raises(SettingsError, match="name image or jpeg"):
+        for_lossless(selection("info"), named=True)
+
+
+def test_frames_wait_for_the_tracks_of_those_before_them() -> None:
+    def frame(seq: int, epoch: int = 1, stream: str = "front") -> FrameId:
+        return FrameId(stream=stream, epoch=epoch, seq=seq, index=seq, t_capture_ns=0)
+
+    window = Window(2)
+    # A recording may begin anywhere and lack frames.
+    window.send(frame(70))
+    window.send(frame(75))
+    assert not window.has_room("front")
+    assert window.has_room("rear")
+    for other in (frame(70, epoch=2), frame(71), frame(70, stream="rear")):
+        window.done(other)
+    assert not window.has_room("front")
+    window.done(frame(75))
+    assert window.on_the_way("front") == 0
 
 
 def test_a_replayed_camera_names_the_frames_that_it_has() -> None:
