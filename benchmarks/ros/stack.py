@@ -43,8 +43,8 @@ _END_S = 3.0
 _SILENCE_S = 20.0
 """Longest time without a picture's truth [s]: the robot's process hangs. Chosen by hand."""
 _NEAR_NS = 20_000_000
-"""Tracks are of the picture whose stamp is at most so far from their own [ns]: pictures are 67 ms
-apart."""
+"""Tracks are of the moment whose stamp is at most so far from their own [ns]: moments are 33 ms
+apart, pictures 67 ms, and a picture has its moment's very stamp."""
 _ANSWER_S = 1.0
 
 
@@ -120,7 +120,7 @@ class Stack:
         self._kept.close()
 
     def moments(self) -> Iterator[tuple[int, SimTruth]]:
-        """Stamp and truth of every picture, until the episode is over.
+        """Stamp and truth of every moment that is told, until the episode is over.
 
         Raises:
             HeelError: the robot's process failed.
@@ -147,11 +147,15 @@ class Stack:
         stamps: list[int] = []
         for stamp_ns, truth in self.moments():
             stamps.append(stamp_ns)
-            onlooker.truth(truth)
-            for arrival in self.inbox.all_of(0.0):
+            arrivals = list(self.inbox.all_of(0.0))
+            # States first: without one the first moment would not be recorded, and an episode
+            # without all of its moments counts as cut off.
+            for arrival in arrivals:
                 if arrival.topic == "state":
                     onlooker.state(decode(FollowState, arrival.payload, arrival.encoding))
-                elif arrival.encoding != EndOfStream.encoding():
+            onlooker.truth(truth)
+            for arrival in arrivals:
+                if arrival.topic == "tracks" and arrival.encoding != EndOfStream.encoding():
                     tracks = decode(Tracks, arrival.payload, arrival.encoding)
                     seq = _seq_of(stamps, tracks.t_capture_ns)
                     if seq is not None:
