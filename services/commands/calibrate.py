@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -17,7 +20,8 @@ from heel.services.geometry.camera import Pinhole
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from heel.services.geometry.board import Board, Views
+    from heel.services.geometry.board import Board, View, Views
+    from heel.services.web.board_page import BoardPreview
 
     FloatArray = NDArray[np.float64]
 
@@ -58,21 +62,35 @@ def board(
     out: Annotated[
         Path | None, typer.Option(help="file for `heel capture --lens`", metavar="FILE")
     ] = None,
+    web: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            metavar="PORT",
+            help="show picture and coverage on a page at this port of loopback; 0: a free one",
+        ),
+    ] = None,
 ) -> None:
     """Estimate focal length and distortion; write them as a ROS camera_info file."""
     from heel.services.geometry.board import estimate_lens
     from heel.services.geometry.lens_file import write_lens
 
     columns, rows = _counts(board)
-    views = _views(source, _board_of(columns, rows, square_mm, marker_mm, dictionary), seconds)
-    estimate = estimate_lens(views, fisheye)
-    found = estimate.found
-    camera = Pinhole.through(found.lens, found.width_px, found.height_px)
-    typer.echo(
-        f"field of view {math.degrees(camera.horizontal_fov_rad):.1f} degrees, focal length "
-        f"{found.lens.focal_px[0]:.1f} px; {estimate.views} views cover {estimate.covered:.0%} of "
-        f"the picture; corners are {estimate.residual_px:.2f} px off"
-    )
+    wanted = _board_of(columns, rows, square_mm, marker_mm, dictionary)
+    with ExitStack() as stack:
+        preview = None if web is None else stack.enter_context(_preview(web))
+        estimate = estimate_lens(_views(source, wanted, seconds, preview), fisheye)
+        found = estimate.found
+        camera = Pinhole.through(found.lens, found.width_px, found.height_px)
+        result = (
+            f"field of view {math.degrees(camera.horizontal_fov_rad):.1f} degrees, focal length "
+            f"{found.lens.focal_px[0]:.1f} px; {estimate.views} views cover "
+            f"{estimate.covered:.0%} of the picture; corners are {estimate.residual_px:.2f} px off"
+        )
+        typer.echo(result)
+        if preview is not None:
+            preview.end(result)
     if out is not None:
         write_lens(out, found, "heel")
         typer.echo(f"wrote {out}: use it with `heel capture --lens {out}`")
@@ -96,7 +114,25 @@ def _board_of(
     return CharucoBoard(columns, rows, square_mm / 1000, marker_mm / 1000, dictionary)
 
 
-def _views(source: str, board: Board, seconds: float) -> Views:
+@contextmanager
+def _preview(port: int) -> Iterator[BoardPreview]:
+    """A page that shows what is found; how it ended badly, too.
+
+    Raises:
+        HeelError: the port is taken.
+    """
+    from heel.services.web.board_page import board_page
+
+    with board_page(port, logging.getLogger("heel.board")) as (url, preview):
+        typer.echo(f"page at {url}")
+        try:
+            yield preview
+        except HeelError as error:
+            preview.end(str(error))
+            raise
+
+
+def _views(source: str, board: Board, seconds: float, preview: BoardPreview | None) -> Views:
     """Views of the board in a source; what is still missing is said while a camera looks.
 
     Raises:
@@ -116,9 +152,12 @@ def _views(source: str, board: Board, seconds: float) -> Views:
             if size != views.size_px:
                 raise HeelError(f"{source}: pictures of {views.size_px} and {size}: give one size")
             view = board.find(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8))
-            if view is not None and views.add(view) and frames.source.is_live:
+            kept = view is not None and views.add(view)
+            if kept and frames.source.is_live:
                 hint = f"; show it in the {views.missing}" if views.missing else ""
                 typer.echo(f"{len(views.chosen)} views, {views.covered.mean():.0%} covered{hint}")
+            if preview is not None:
+                preview.show(image, shown(views, view, kept))
             if len(views.chosen) >= MOST_VIEWS and not views.missing:
                 break
             if frames.source.is_live and time.monotonic() > end_s:
@@ -126,6 +165,35 @@ def _views(source: str, board: Board, seconds: float) -> Views:
     if views is None:
         raise HeelError(f"{source}: no picture")
     return views
+
+
+def shown(views: Views, view: View | None, kept: bool) -> dict[str, Any]:
+    """What the page says beside a picture.
+
+    Args:
+        views: with this one, if it was kept.
+        view: the board in this picture; None where it was not found.
+        kept: whether it differs from those before.
+    """
+    from heel.services.geometry.board import LEAST_VIEWS, MOST_VIEWS
+
+    if view is None:
+        seen = "no board found: hold it flat, still, in the light, as a whole"
+    elif kept:
+        seen = f"view {len(views.chosen)} is kept"
+    else:
+        seen = "as a view that is kept already: move or tilt it"
+    if views.missing:
+        then = f"show it in the {views.missing}"
+    elif len(views.chosen) < LEAST_VIEWS:
+        then = "tilt it this way and that"
+    else:
+        then = f"all is covered: go on tilting it, up to {MOST_VIEWS} views"
+    return {
+        "views": len(views.chosen), "least": LEAST_VIEWS, "covered": views.covered.tolist(),
+        "wanted": views.wanted, "width": views.size_px[0], "kept": kept, "seen": seen,
+        "next": then, "corners": [] if view is None else view.pixels.round(1).tolist(),
+    }  # fmt: skip
 
 
 @app.command()

@@ -20,7 +20,7 @@ from heel.services.geometry.lens_file import LensFile
 
 FloatArray = NDArray[np.float64]
 
-_LEAST_VIEWS = 8
+LEAST_VIEWS = 8
 """Views from which a lens is fitted; chosen by hand: five numbers of distortion, four of the
 projection, and six of each view's pose."""
 MOST_VIEWS = 40
@@ -150,15 +150,21 @@ class Views:
         return seen
 
     @property
-    def missing(self) -> str:
-        """Where the board should be shown next, in words; "" if it was everywhere."""
+    def wanted(self) -> tuple[int, int] | None:
+        """The cell (down, across) in which the board should be shown next; None: it was in all."""
         rows, columns = np.nonzero(~self.covered)
         if not len(rows):
-            return ""
+            return None
         # The corners first: there the distortion is largest.
         outward = np.abs(columns - 1.5) + np.abs(rows - 1.0)
         at = int(np.argmax(outward))
-        return f"{_NAMES[0][rows[at]]} {_NAMES[1][columns[at]]}"
+        return int(rows[at]), int(columns[at])
+
+    @property
+    def missing(self) -> str:
+        """The same in words; "" if it was everywhere."""
+        wanted = self.wanted
+        return "" if wanted is None else f"{_NAMES[0][wanted[0]]} {_NAMES[1][wanted[1]]}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,9 +195,9 @@ def estimate_lens(views: Views, fisheye: bool) -> LensEstimate:
         HeelError: the views are too few, cover too little, or do not fit; with what to do.
     """
     chosen, covered = views.chosen, float(views.covered.mean())
-    if len(chosen) < _LEAST_VIEWS:
+    if len(chosen) < LEAST_VIEWS:
         raise HeelError(
-            f"the board was found in {len(chosen)} places, {_LEAST_VIEWS} are wanted: move and "
+            f"the board was found in {len(chosen)} places, {LEAST_VIEWS} are wanted: move and "
             "tilt it slowly, and check --board, which counts inner corners"
         )
     if covered < _LEAST_COVERED:

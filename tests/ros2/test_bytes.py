@@ -10,8 +10,7 @@ import pytest
 
 from benchmarks.ros.robots import SHARE
 from heel.services.ros2.cdr import Messages
-from heel.services.ros2.node import publications, subscriptions
-from heel.services.ros2.settings import Ros2Settings
+from tests.support.ros_kinds import KINDS
 
 pytest.importorskip("rclpy", reason="no ROS 2 here: make test-ros2 brings it")
 from pycdr2 import IdlStruct
@@ -19,15 +18,6 @@ from pycdr2.types import float64, int32, uint32
 
 pytestmark = pytest.mark.filterwarnings("default::DeprecationWarning")
 MESSAGES = Messages()
-KINDS = sorted({
-    kind
-    for image in ("image", "image/compressed")
-    for stamped in (False, True)
-    for s in [Ros2Settings(image_topic=image, estop_topic="estop", command_stamped=stamped,
-                           target_topic="target", people_topic="people",
-                           diagnostics_topic="diagnostics")]
-    for kind in [*publications(s).values(), *(kind for _, kind in subscriptions(s).values())]
-})  # fmt: skip
 
 
 @dataclass

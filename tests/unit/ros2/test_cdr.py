@@ -12,20 +12,10 @@ from hypothesis import strategies as st
 
 from heel.schemas import MessageError
 from heel.services.ros2.cdr import Messages
-from heel.services.ros2.node import publications, subscriptions
-from heel.services.ros2.settings import Ros2Settings
+from tests.support.ros_kinds import KINDS
 
 pytest.importorskip("rosbags", reason="no rosbags here: it comes with the extra ros2-zenoh")
 MESSAGES = Messages()
-KINDS = sorted({
-    kind
-    for image in ("image", "image/compressed")
-    for stamped in (False, True)
-    for s in [Ros2Settings(image_topic=image, estop_topic="estop", command_stamped=stamped,
-                           target_topic="target", people_topic="people",
-                           diagnostics_topic="diagnostics")]
-    for kind in [*publications(s).values(), *(kind for _, kind in subscriptions(s).values())]
-})  # fmt: skip
 
 
 def test_a_velocity_has_the_bytes_that_cdr_wants() -> None:
