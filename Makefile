@@ -5,8 +5,8 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PIP := $(BIN)/python $(INSTALL)
-TIMELESS := $(patsubst %,tests/integration/test_%.py,\
-	documented_commands own_detector packages python_api run_with_model security)
+ALONE := $(patsubst %,tests/integration/test_%.py,\
+	follower_takeover manual stop_beside_viewers swap takeover time_to_stop watchdog)
 PEERS := .venv-peers
 PEERS_PIP := $(PEERS)/bin/python $(INSTALL)
 
@@ -33,12 +33,11 @@ demo: $(READY)  ## a robot follows somebody through a simulated world, with the 
 	$(BIN)/heel demo
 
 test: $(READY)  ## unit and integration tests
-	@# Unit tests share nothing and run side by side, as do those of processes in which no time
-	@# counts and that start few of them; the others need the cores to themselves.
-	$(BIN)/python -m pytest $(TIMELESS) tests/unit -m 'not docker and not slow' \
-		-n 2 --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest tests/integration $(addprefix --ignore=,$(TIMELESS)) \
-		-m 'not docker and not slow'
+	@# Most tests run side by side: they share nothing, and hold on a busy machine. Those of ALONE
+	@# measure times that other work would lengthen.
+	$(BIN)/python -m pytest tests/integration tests/unit $(addprefix --ignore=,$(ALONE)) \
+		-m 'not docker and not slow' -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest $(ALONE) -m 'not docker and not slow'
 
 test-docker: $(READY)  ## the same services in containers
 	$(BIN)/python -m pytest -m 'docker and not slow'
