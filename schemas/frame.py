@@ -174,6 +174,11 @@ class CameraInfo(Message):
         description="of the camera's process, named as in `taken.clock`; where it is named the "
         "frames can be had as JPEG, too",
     )
+    depth: bool = Field(
+        default=False,
+        description="whether every frame of a lossless run has a depth picture, so that the "
+        "tracker waits for it; a live camera does not say",
+    )
 
 
 class EndOfStream(Message):

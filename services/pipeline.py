@@ -25,7 +25,7 @@ from heel.schemas import (
     TargetRequest,
     Tracks,
 )
-from heel.services.capture.describe import Mounting, mounting
+from heel.services.capture.describe import Mounting, completed, mounting
 from heel.services.capture.scene_source import open_scene
 from heel.services.capture.settings import CaptureSettings
 from heel.services.capture.sources import open_source
@@ -33,10 +33,13 @@ from heel.services.detector.core import Detector
 from heel.services.detector.settings import DetectorServiceSettings, DetectorSettings
 from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerServiceSettings, FollowerSettings
+from heel.services.geometry.camera import camera_from_info
+from heel.services.geometry.depth import Depth
 from heel.services.geometry.pixels import fit_to_cap
 from heel.services.networks.names import HeadName
 from heel.services.runtime.settings import Loaded, load_settings
 from heel.services.tracker.core import configured
+from heel.services.tracker.depth_places import with_depth
 from heel.services.tracker.settings import TrackerServiceSettings, TrackerSettings
 from heel.services.tracker.trace import Trace
 
@@ -49,18 +52,26 @@ _TRACKER = "tracker/main@00000000"
 
 
 class InProcessPipeline:
-    """Detector and tracker with the fixed feedback lag of a lossless run."""
+    """Detector and tracker with the fixed feedback lag of a lossless run.
+
+    Args:
+        detector, tracker: their settings.
+        trace: told what the tracker decides.
+        camera: how it is mounted; distances by depth need its field of view.
+    """
 
     def __init__(
-        self, detector: DetectorSettings, tracker: TrackerSettings, trace: Trace | None = None
-    ) -> None:
+        self, detector: DetectorSettings, tracker: TrackerSettings, trace: Trace | None = None,
+        camera: Mounting | None = None,
+    ) -> None:  # fmt: skip
         self._detector = Detector(detector)
         self._tracker = configured(tracker, trace)
+        self.camera = camera
         self._recent: deque[Tracks] = deque(maxlen=detector.feedback_lag_frames)
 
     def step(
         self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int],
-        pointed: Pointed | None = None,
+        pointed: Pointed | None = None, depth_mm: Depth | None = None,
     ) -> tuple[Blobs, Tracks]:  # fmt: skip
         """Process one frame: `detect`, then `track`.
 
@@ -69,9 +80,10 @@ class InProcessPipeline:
             image: (H, W, 3) uint8 BGR.
             source_size: width and height before capture scaled the frame, pixels.
             pointed: where a user pointed at somebody who is not tracked, since the frame before.
+            depth_mm: (h, w) uint16 of what the image shows, 0 where nothing was measured.
         """
         blobs = self.detect(frame, image, source_size, pointed)
-        return blobs, self.track(blobs)
+        return blobs, self.track(blobs, depth_mm)
 
     def detect(
         self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int],
@@ -83,9 +95,13 @@ class InProcessPipeline:
         feedback = next((old for old in self._recent if (old.epoch, old.seq) == wanted), None)
         return self._detector.detect(frame, image, source_size, feedback, pointed)
 
-    def track(self, blobs: Blobs) -> Tracks:
-        """Tracks of the frame just detected."""
+    def track(self, blobs: Blobs, depth_mm: Depth | None = None) -> Tracks:
+        """Tracks of the frame just detected, with distances where its depth tells them."""
         tracks = self._tracker.update(blobs)
+        if depth_mm is not None and self.camera is not None:
+            camera = camera_from_info(_camera_info(tracks, self.camera))
+            if camera is not None:
+                tracks = with_depth(tracks, depth_mm, camera)
         self._recent.append(tracks)
         return tracks
 
@@ -112,24 +128,31 @@ class FollowingPipeline:
         self, detector: DetectorSettings, tracker: TrackerSettings, follower: FollowerSettings,
         camera: Mounting, trace: Trace | None = None,
     ) -> None:  # fmt: skip
-        self._perception = InProcessPipeline(detector, tracker, trace)
+        self._perception = InProcessPipeline(detector, tracker, trace, camera)
         self._follower = Follower(follower)
         self._camera: Mounting | None = camera
         self._pointed: Pointed | None = None
 
+    def was_recorded_by(self, camera: CameraInfo | None) -> None:
+        """Before the first frame: what the source says of its camera, for what is not known."""
+        if self._camera is not None:
+            self._camera = self._perception.camera = completed(self._camera, camera)
+
     def step(
-        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
-    ) -> PipelineResult:
+        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int],
+        depth_mm: Depth | None = None,
+    ) -> PipelineResult:  # fmt: skip
         """Process one frame of a recording; arguments as `InProcessPipeline.step`."""
-        blobs, tracks = self.perceive(frame, image, source_size)
+        blobs, tracks = self.perceive(frame, image, source_size, depth_mm)
         return self.act(blobs, tracks, frame.t_capture_ns * 1e-9, 0.0)
 
     def perceive(
-        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int]
-    ) -> tuple[Blobs, Tracks]:
+        self, frame: FrameId, image: NDArray[np.uint8], source_size: tuple[int, int],
+        depth_mm: Depth | None = None,
+    ) -> tuple[Blobs, Tracks]:  # fmt: skip
         """The first half of `step`: blobs and tracks of a frame."""
         pointed, self._pointed = self._pointed, None
-        return self._perception.step(frame, image, source_size, pointed)
+        return self._perception.step(frame, image, source_size, pointed, depth_mm)
 
     def act(self, blobs: Blobs, tracks: Tracks, now_s: float, age_s: float) -> PipelineResult:
         """The second half of `step`: the command that rests on a frame's tracks.
@@ -166,7 +189,7 @@ def _camera_info(tracks: Tracks, camera: Mounting) -> CameraInfo:
         source="in process",
         horizontal_fov_rad=camera.horizontal_fov_rad(tracks.width, tracks.height),
         mount_height_m=camera.mount_height_m, mount_pitch_rad=camera.mount_pitch_rad,
-        lens=camera.lens(tracks.width, tracks.height),
+        lens=camera.lens(tracks.width, tracks.height), mount_yaw_rad=camera.mount_yaw_rad,
     )  # fmt: skip
 
 
@@ -224,12 +247,16 @@ def repeatable_id(seq: int, index: int, time_s: float) -> FrameId:
 class RecordedFrames:
     """The frames of a recording as a lossless capture process would send them.
 
+    Attributes:
+        depth_mm: of the frame given last, (h, w) uint16; None without.
+
     Raises:
         SourceError: the source cannot be opened.
     """
 
     def __init__(self, spec: str, scale: float = 1.0, fps: float | None = None) -> None:
         self.source = open_source(spec, scale=scale, fps=fps)
+        self.depth_mm: Depth | None = None
 
     def __enter__(self) -> RecordedFrames:
         return self
@@ -241,6 +268,7 @@ class RecordedFrames:
         """Frame id, image and source size of every frame."""
         seq = 0
         while (frame := self.source.read()) is not None:
+            self.depth_mm = frame.depth_mm
             frame_id = repeatable_id(seq, frame.index, frame.media_time_s)
             yield frame_id, fit_to_cap(frame.image), (frame.source_width, frame.source_height)
             seq += 1

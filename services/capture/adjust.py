@@ -33,6 +33,7 @@ class AdjustedSource(FrameSource):
         self.fps = fps if fps is not None and self._restamp else source.fps
         self.frame_count, self.is_live = source.frame_count, source.is_live
         self.window = source.window
+        self.has_depth, self.camera = source.has_depth, source.camera
 
     def read(self, timeout_s: float = 5.0) -> Frame | None:
         """The next frame of the source, scaled."""
@@ -67,6 +68,7 @@ class LoopedSource(FrameSource):
         self._source = reopen()
         self.name, self.fps = self._source.name, self._source.fps
         self.width, self.height = self._source.width, self._source.height
+        self.has_depth, self.camera = self._source.has_depth, self._source.camera
         self._offset, self._offset_s = 0, 0.0
         self._next, self._next_s = 0, 0.0
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from heel.schemas import CameraInfo
 from heel.schemas.frame import LensModel
 from heel.services.capture.settings import CaptureSettings
 from heel.services.geometry.calibration_file import read_calibration
 from heel.services.geometry.camera import Pinhole
+from heel.services.geometry.lens import Lens
 from heel.services.geometry.lens_file import LensFile, read_lens
 
 
@@ -73,4 +75,28 @@ def mounting(settings: CaptureSettings, own_fov_rad: float | None = None) -> Mou
         None if pitch_deg is None else math.radians(pitch_deg),
         None if settings.lens is None else read_lens(settings.lens),
         None if settings.mount_yaw_deg is None else math.radians(settings.mount_yaw_deg),
+    )
+
+
+def completed(own: Mounting, recorded: CameraInfo | None) -> Mounting:
+    """The same camera with what was recorded of it, if anything was, in place of what is not known.
+
+    Args:
+        own: by the settings, which win: a stated field of view also over a recorded lens.
+        recorded: what the camera said of itself then.
+    """
+    if recorded is None:
+        return own
+    fov_rad, lens = own.stated_fov_rad, own.lens_file
+    if fov_rad is None and lens is None:
+        fov_rad = recorded.horizontal_fov_rad
+        if recorded.lens is not None:
+            lens = LensFile(recorded.width, recorded.height, Lens.told(recorded.lens))
+    height_m, pitch_rad, yaw_rad = own.mount_height_m, own.mount_pitch_rad, own.mount_yaw_rad
+    return Mounting(
+        fov_rad,
+        recorded.mount_height_m if height_m is None else height_m,
+        recorded.mount_pitch_rad if pitch_rad is None else pitch_rad,
+        lens,
+        recorded.mount_yaw_rad if yaw_rad is None else yaw_rad,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from heel.schemas import CameraInfo, Header, MessageError, decode
 from heel.schemas.errors import SourceError
-from heel.schemas.image import decode_image
+from heel.schemas.image import DEPTH, decode_depth, decode_image
 from heel.services.capture.ffmpeg import shown_path
 from heel.services.capture.rosbag import McapBag, RosbagSource, SqliteBag
 from heel.services.capture.source import (
@@ -23,6 +24,7 @@ from heel.services.capture.source import (
     plausible_fps,
 )
 from heel.services.recordings.reading import Recording, wire_messages
+from heel.services.recordings.wire import WireMessage
 
 RECORDING_SUFFIX = ".mcap"
 CAMERA_OPTION = "?camera="
@@ -33,12 +35,15 @@ _ENOUGH_BYTES = 32 << 20
 hand."""
 _WALL_CLOCK_NS = 946_684_800 * 10**9
 """The year 2000: wall clocks are past it, and media times, which count from 0, are not."""
+_LOOK_AHEAD = 12
+"""Frames that are read on for the depth of one, which comes later than its picture: as many as a
+live tracker keeps depth for."""
 _MAX_WARNINGS = 10
 """Pictures that cannot be read and are named one by one; chosen by hand."""
 
 
 class RecordingSource(FrameSource):
-    """The frames of one camera, with the numbers that they had.
+    """The frames of one camera, with the numbers that they had, and depth where it was recorded.
 
     Raw frames of a live run of a recording, or of a lossless run, give the same tracks as they did
     then. Of a camera the times are those at which the pictures were taken.
@@ -56,7 +61,7 @@ class RecordingSource(FrameSource):
         self.name = shown_path(path)
         self._warn = warn
         self._recording = Recording(path)
-        cameras, infos = _cameras(self._recording)
+        cameras, infos, depths = _cameras(self._recording)
         self._key = _chosen(self.name, cameras, camera)
         first = cameras[self._key]
         info = infos.get(first.stream)
@@ -64,7 +69,13 @@ class RecordingSource(FrameSource):
         self.fps = DEFAULT_FPS if info is None else plausible_fps(info.fps, self.name, warn)
         # Of a folder or scene that was played live, the file has the times of the playing.
         self._own_timeline = info is not None and info.frame_count is not None
+        self._depth_key = depths.get(first.stream)
+        self.has_depth = self._depth_key is not None
+        # Distances by depth need the lens; without depth nothing rests on what was said of it.
+        self.camera = info if self.has_depth else None
         self._messages = wire_messages(self._recording)
+        self._waiting: deque[tuple[Header, WireMessage]] = deque()
+        self._depths: deque[tuple[Header, WireMessage]] = deque(maxlen=_LOOK_AHEAD)
         self._epoch: int | None = None
         self._offset = 0
         self._offset_s = 0.0
@@ -75,13 +86,9 @@ class RecordingSource(FrameSource):
 
     def read(self, timeout_s: float = 5.0) -> Frame | None:
         """The next frame, None after the last; a file never times out."""
-        for message in self._messages:
-            if self._closed:
-                break
-            if message.key != self._key or not message.encoding.startswith("image/"):
-                continue
+        while not self._closed and self._fill():
+            header, message = self._waiting.popleft()
             try:
-                header = decode(Header, message.attachment or b"")
                 image = decode_image(message.payload, header, message.encoding)
             except MessageError as error:
                 self._skip(str(error))
@@ -96,6 +103,44 @@ class RecordingSource(FrameSource):
         self.end_reason = self.end_reason or "closed"
         self._messages = iter(())
 
+    def _fill(self) -> bool:
+        """Read on until the next frame can be told with its depth; False at the end."""
+        while not (self._waiting and self._is_ready(self._waiting[0][0])):
+            message = next(self._messages, None)
+            if message is None:
+                return bool(self._waiting)
+            picture = message.key == self._key and message.encoding.startswith("image/")
+            if not picture and (message.key, message.encoding) != (self._depth_key, DEPTH):
+                continue
+            try:
+                header = decode(Header, message.attachment or b"")
+            except MessageError as error:
+                self._skip(str(error))
+                continue
+            (self._waiting if picture else self._depths).append((header, message))
+        return True
+
+    def _is_ready(self, frame: Header) -> bool:
+        """Whether the depth of a frame is there, or is not to be expected any more."""
+        if not self.has_depth or len(self._waiting) > _LOOK_AHEAD:
+            return True
+        return any(one.epoch == frame.epoch and one.seq >= frame.seq for one, _ in self._depths)
+
+    def _depth_of(self, frame: Header) -> NDArray[np.uint16] | None:
+        """The depth of a frame; what is of no further use is forgotten: numbers may start anew."""
+        depth_mm = None
+        for one in list(self._depths):
+            header, message = one
+            if header.epoch != frame.epoch or header.seq > frame.seq:
+                continue
+            self._depths.remove(one)
+            if header.seq == frame.seq:
+                try:
+                    depth_mm = decode_depth(message.payload, header, message.encoding)
+                except MessageError as error:
+                    self._skip(str(error))
+        return depth_mm
+
     def _frame(self, header: Header, image: NDArray[np.uint8]) -> Frame:
         if header.epoch != self._epoch:
             # Another start of the camera counts from 0 again; a source goes on counting.
@@ -108,7 +153,10 @@ class RecordingSource(FrameSource):
         index = header.index + self._offset
         time_s = self._time_s(header, index)
         self._next, self._next_s = index + 1, time_s + 1.0 / self.fps
-        return Frame(image, index, time_s, header.source_width, header.source_height)
+        return Frame(
+            image, index, time_s, header.source_width, header.source_height,
+            depth_mm=self._depth_of(header),
+        )  # fmt: skip
 
     def _time_s(self, header: Header, index: int) -> float:
         if header.t_capture_ns < _WALL_CLOCK_NS:
@@ -174,13 +222,19 @@ def names_recording(spec: str) -> bool:
     return spec.partition(CAMERA_OPTION)[0].lower().endswith(RECORDING_SUFFIX)
 
 
-def _cameras(recording: Recording) -> tuple[dict[str, Header], dict[str, CameraInfo]]:
-    """The first header of each image topic by its key, and what cameras say, by their name."""
+def _cameras(
+    recording: Recording,
+) -> tuple[dict[str, Header], dict[str, CameraInfo], dict[str, str]]:
+    """The first header of each image topic by its key, and by the names of cameras what they say
+    and the key of their depth."""
     headers: dict[str, Header] = {}
     infos: dict[str, CameraInfo] = {}
+    depths: dict[str, str] = {}
     for message in islice(wire_messages(recording), _LOOKED_AT):
         with suppress(MessageError):
-            if message.encoding.startswith("image/") and message.key not in headers:
+            if message.encoding == DEPTH:
+                depths.setdefault(decode(Header, message.attachment or b"").stream, message.key)
+            elif message.encoding.startswith("image/") and message.key not in headers:
                 headers[message.key] = decode(Header, message.attachment or b"")
             elif message.encoding == CameraInfo.encoding():
                 info = decode(CameraInfo, message.payload, message.encoding)
@@ -188,7 +242,7 @@ def _cameras(recording: Recording) -> tuple[dict[str, Header], dict[str, CameraI
         told = all(one.stream in infos for one in headers.values())
         if headers and told and recording.whole_bytes > _ENOUGH_BYTES:
             break
-    return headers, infos
+    return headers, infos, depths
 
 
 def _chosen(name: str, cameras: dict[str, Header], camera: str | None) -> str:

@@ -8,9 +8,12 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from heel.schemas import (
     CameraInfo,
     EndOfStream,
+    Header,
     HeelError,
     MessageError,
     Progress,
@@ -21,7 +24,7 @@ from heel.schemas import (
 from heel.schemas.errors import SettingsError
 from heel.schemas.image import MAX_IMAGE_BYTES
 from heel.services.capture.credit import CreditWindow
-from heel.services.capture.describe import mounting
+from heel.services.capture.describe import completed, mounting
 from heel.services.capture.pan_topics import LISTEN_S, PanTopics
 from heel.services.capture.settings import CaptureSettings
 from heel.services.capture.source import Frame, FrameSource, SourceTimeout
@@ -31,7 +34,12 @@ from heel.services.geometry.pixels import fit_to_cap
 from heel.services.runtime import qos
 from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.frame_memory import LIVE_FRAMES, MOST_LIVE_FRAMES, FrameMemory
-from heel.services.runtime.images import ImagePublisher, StreamIdentity, image_header
+from heel.services.runtime.images import (
+    DepthPublisher,
+    ImagePublisher,
+    StreamIdentity,
+    image_header,
+)
 from heel.services.runtime.pacing import Pacer
 from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import LOOP_WAIT_S, ServiceContext, run_service
@@ -45,7 +53,8 @@ class CaptureService:
         self._context = context
         self._settings = context.settings
         window = source.window
-        self._mounting = mounting(context.settings, None if window is None else window.fov_rad)
+        own = mounting(context.settings, None if window is None else window.fov_rad)
+        self._mounting = completed(own, source.camera)
         self._source = source
         self._pan = None if window is None else PanTopics(context, window)
         self._lossless = context.settings.delivery == "lossless"
@@ -67,6 +76,7 @@ class CaptureService:
             else:
                 self._memory = FrameMemory(LIVE_FRAMES, context.log, MOST_LIVE_FRAMES)
         self._out = ImagePublisher(context, context.settings.jpeg_quality, self._memory)
+        self._depth = DepthPublisher(context) if source.has_depth else None
         self._info: Latched | None = None
         self._seq = 0
         self._shape: tuple[int, ...] | None = None
@@ -168,6 +178,7 @@ class CaptureService:
             self._identity, frame.image, (self._seq, frame.index),
             (frame.source_width, frame.source_height), t_capture_ns, age_ns,
         )  # fmt: skip
+        self._send_depth(header, frame)
         self._out.send(header, frame.image)
         self._seq += 1
         now_ns = time.monotonic_ns()
@@ -175,6 +186,16 @@ class CaptureService:
         self._context.statistics.output(
             now_ns * 1e-9, (now_ns - started_ns) * 1e-9, (now_ns - acquired_ns) * 1e-9
         )
+
+    def _send_depth(self, header: Header, frame: Frame) -> None:
+        """Send the depth of a frame; a lossless run waits for it, so one without sends a zero."""
+        if self._depth is None:
+            return
+        depth_mm = frame.depth_mm
+        if depth_mm is None and self._lossless:
+            depth_mm = np.zeros((1, 1), np.uint16)
+        if depth_mm is not None:
+            self._depth.send(self._identity, header, depth_mm, header.age_ns)
 
     def _tell_taken(self, monotonic_ns: int, age_ns: int) -> None:
         """Say when the frame was taken, before anything that takes time is done with it."""
@@ -213,6 +234,7 @@ class CaptureService:
                 lens=self._mounting.lens(width, height),
                 mount_yaw_rad=self._mounting.mount_yaw_rad,
                 host=monotonic_clock(),
+                depth=self._lossless and self._depth is not None,
             )
         )
 

@@ -12,6 +12,7 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from heel.schemas import CameraInfo
 from heel.schemas.errors import SourceError
 from heel.services.capture.pan_window import PanWindow
 
@@ -48,6 +49,8 @@ class Frame:
             of buffers on the way; None in a recording.
         new_ns: the same of the newest picture that showed anything new. A camera that repeats
             itself byte for byte, or is black, shows nothing newer: its age counts from then.
+        depth_mm: (h, w) uint16, millimetres along the optical axis of what the picture shows, 0
+            where nothing was measured; None without.
     """
 
     image: NDArray[np.uint8]
@@ -57,6 +60,7 @@ class Frame:
     source_height: int
     acquired_ns: int | None = None
     new_ns: int | None = None
+    depth_mm: NDArray[np.uint16] | None = None
 
 
 @dataclass(frozen=True)
@@ -90,6 +94,8 @@ class FrameSource(ABC):
         frame_count: frames that a recording announces, None when endless or unknown.
         is_live: True for a camera, which does not wait for its reader.
         window: what turns in a virtual pan, None in every other source.
+        has_depth: whether frames come with depth.
+        camera: what the camera said of itself when that was recorded; None where nothing did.
         end_reason: why `read` returned None; empty before that.
     """
 
@@ -100,6 +106,8 @@ class FrameSource(ABC):
     frame_count: int | None = None
     is_live: bool = False
     window: PanWindow | None = None
+    has_depth: bool = False
+    camera: CameraInfo | None = None
     end_reason: str = ""
 
     @abstractmethod

@@ -47,6 +47,7 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
             options.trace,
             trace,
         )
+        pipeline.was_recorded_by(frames.source.camera)
         if (traced := settings["tracker"]["trace"]) is not None:
             trace.add(stack.enter_context(TraceFile(Path(traced))).take)
         summary.in_force(settings)
@@ -57,7 +58,7 @@ def run_in_process(options: RunOptions, stop: threading.Event) -> RunSummary:
             if stop.is_set():
                 break
             summary.camera = Camera(frames.source.name, frames.source.fps, *source_size)
-            result = pipeline.step(frame, image, source_size)
+            result = pipeline.step(frame, image, source_size, frames.depth_mm)
             summary.captured = summary.detected = summary.tracked = frame.seq + 1
             summary.commands += 1
             outputs.tracks(result.tracks)

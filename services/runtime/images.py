@@ -139,7 +139,7 @@ _DEPTHS_IN_FLIGHT = 8
 
 
 class DepthPublisher:
-    """Sends the depth pictures of a camera while somebody listens, raw.
+    """Sends the depth pictures of a camera while somebody listens, in a lossless run all; raw.
 
     Args:
         context: of the service.
@@ -148,6 +148,7 @@ class DepthPublisher:
     def __init__(self, context: ServiceContext[S]) -> None:
         self._publisher = context.publisher(keys.depth(context.settings.camera), qos.DEPTH)
         self._memory = FrameMemory(_DEPTHS_IN_FLIGHT, context.log)
+        self._lossless = context.settings.delivery == "lossless"
 
     def send(
         self, identity: StreamIdentity, frame: FrameId, depth_mm: NDArray[np.uint16], age_ns: int
@@ -163,7 +164,7 @@ class DepthPublisher:
         Raises:
             MessageError: it is larger than the cap.
         """
-        if not self._publisher.has_listeners:
+        if not (self._lossless or self._publisher.has_listeners):
             return
         height, width = depth_mm.shape
         header = Header(

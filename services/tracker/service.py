@@ -130,10 +130,9 @@ class TrackerService:
         self._handed_over = False
         self._succession: Succession | None = None
         self._file: StateFile | None = None
-        self._depth: DepthInput | None = None
+        self._depth = DepthInput(context)
         if live:
             # In a lossless run the stream is the clock; what comes beside it has no place in it.
-            self._depth = DepthInput(context)
             self._succession = Succession(
                 context.session, self._out, keys.tracks(camera),
                 ("tracker", camera, context.producer), resources, context.log,
@@ -285,9 +284,8 @@ class TrackerService:
 
     def _placed(self, tracks: Tracks, now_s: float) -> Tracks:
         """With distances by depth, where there is any; who they are does not hang on it."""
-        if self._depth is not None:
-            with self._context.surviving("measuring by depth"):
-                return self._depth.placed(tracks, now_s)
+        with self._context.surviving("measuring by depth"):
+            return self._depth.placed(tracks, now_s)
         return tracks
 
     def _send(

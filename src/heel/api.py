@@ -39,6 +39,7 @@ from heel.services.capture.sources import open_source
 from heel.services.capture.virtual_pan import PAN_PREFIX
 from heel.services.detector.settings import DetectorSettings, with_network
 from heel.services.follower.settings import FollowerSettings
+from heel.services.geometry.depth import Depth
 from heel.services.geometry.pixels import fit_to_cap, to_bgr8
 from heel.services.pipeline import FollowingPipeline, InProcessPipeline, repeatable_id
 from heel.services.tracker.settings import TrackerSettings
@@ -189,12 +190,12 @@ class Follower:
 
     def _step(
         self, image: Image, seq: int, index: int, time_s: float, source_size: tuple[int, int],
-        ages: _Ages,
+        ages: _Ages, depth_mm: Depth | None = None,
     ) -> Frame:  # fmt: skip
         """One frame through the cores. `ages` is asked once its people are known."""
         frame_id = repeatable_id(seq, index, time_s)
         image = fit_to_cap(image)
-        blobs, tracks = self._pipeline.perceive(frame_id, image, source_size)
+        blobs, tracks = self._pipeline.perceive(frame_id, image, source_size, depth_mm)
         elapsed_s, age_s = ages()
         now_s = frame_id.t_capture_ns * 1e-9 + elapsed_s
         result = self._pipeline.act(blobs, tracks, now_s, age_s)
@@ -288,6 +289,7 @@ class Video:
 
     def __init__(self, source: FrameSource, follower: Follower) -> None:
         self._source, self._follower = source, follower
+        follower._pipeline.was_recorded_by(source.camera)
         self._seq = 0
         self._closed = False
         self.name = source.name
@@ -330,7 +332,7 @@ class Video:
         seq, self._seq = self._seq, self._seq + 1
         source_size = (frame.source_width, frame.source_height)
         return self._follower._step(
-            frame.image, seq, frame.index, frame.media_time_s, source_size, ages
+            frame.image, seq, frame.index, frame.media_time_s, source_size, ages, frame.depth_mm
         )
 
     def choose(self, target: TargetChoice) -> Target:

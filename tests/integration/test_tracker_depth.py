@@ -38,31 +38,39 @@ def depth_of(seq: int, blobs: Blobs) -> np.ndarray:
 class Robot(threading.Thread):
     """A camera with depth and a detector, until told to end."""
 
-    def __init__(self, session: zenoh.Session, info: CameraInfo) -> None:
+    def __init__(
+        self, session: zenoh.Session, info: CameraInfo, delivery: qos.Delivery = "live"
+    ) -> None:
         super().__init__(daemon=True)
         self.blobs: dict[int, Blobs] = {}
         self.over, self.measures = threading.Event(), threading.Event()
         self.measures.set()
         self._epoch = info.epoch
-        self._out = StreamPublisher(session, keys.blobs("front"), qos.BLOBS, "live", _DETECTOR)
-        self._depth = StreamPublisher(session, keys.depth("front"), qos.DEPTH, "live", _CAMERA)
+        self._out = StreamPublisher(session, keys.blobs("front"), qos.BLOBS, delivery, _DETECTOR)
+        self._depth = StreamPublisher(session, keys.depth("front"), qos.DEPTH, delivery, _CAMERA)
 
     def run(self) -> None:
         for seq in range(10_000):
             if self.over.wait(1 / _FPS):
                 return
-            blobs = stands(seq)
-            depth = depth_of(seq, blobs)
-            header = Header(
-                **blobs.frame_id().model_dump(), width=depth.shape[1], height=depth.shape[0],
-                source_width=depth.shape[1], source_height=depth.shape[0], image_encoding=DEPTH,
-                producer=_CAMERA,
-            )  # fmt: skip
-            self.blobs[seq] = blobs
-            self._out.send(blobs, 0.0)
+            self.send_people(seq)
             # Later than the people: the tracker waits a moment.
             if self.measures.is_set():
-                self._depth.send_bytes(encode_depth(depth), DEPTH, encode(header))
+                self.send_depth(seq)
+
+    def send_people(self, seq: int) -> None:
+        self.blobs[seq] = stands(seq)
+        self._out.send(self.blobs[seq], 0.0)
+
+    def send_depth(self, seq: int) -> None:
+        blobs = self.blobs[seq]
+        depth = depth_of(seq, blobs)
+        header = Header(
+            **blobs.frame_id().model_dump(), width=depth.shape[1], height=depth.shape[0],
+            source_width=depth.shape[1], source_height=depth.shape[0], image_encoding=DEPTH,
+            producer=_CAMERA,
+        )  # fmt: skip
+        self._depth.send_bytes(encode_depth(depth), DEPTH, encode(header))
 
 
 def test_distances_are_those_of_the_cores_and_without_depth_boxes_count_again(
@@ -134,3 +142,39 @@ def without_places(tracks: Tracks) -> Tracks:
     none = dict.fromkeys(places)
     people = tuple(track.model_copy(update=none) for track in tracks.tracks)
     return tracks.model_copy(update={"tracks": people})
+
+
+def test_a_lossless_tracker_waits_for_the_depth_that_a_camera_announces(tmp_path: Path) -> None:
+    first = stands(0)
+    info = CameraInfo(
+        stream="front", epoch=first.epoch, width=first.width, height=first.height,
+        source_width=first.width, source_height=first.height, fps=_FPS, source="test",
+        horizontal_fov_rad=1.2, host=monotonic_clock(), depth=True,
+    )  # fmt: skip
+    heard: list[Tracks] = []
+
+    def take(sample: zenoh.Sample) -> None:
+        heard.append(decode(Tracks, sample.payload.to_bytes()))
+
+    with ExitStack() as stack:
+        endpoint = stack.enter_context(network.router())
+        session = stack.enter_context(network.client(endpoint))
+        stack.callback(session.declare_subscriber(keys.tracks("front"), take).undeclare)
+        process = stack.enter_context(running(
+            "-P", "-m", "heel.services.tracker", "--connect", endpoint, "--delivery", "lossless",
+            "--log-level", "info", HEEL_RUNTIME_DIR=str(tmp_path),
+        ))  # fmt: skip
+        wait_until(lambda: "is up" in process.stderr(), "the tracker", _START_S)
+        # Said before it listens as far as it knows: it asks.
+        stack.enter_context(Latched(session, keys.info("front"), qos.INFO)).set(info)
+        robot = Robot(session, info, "lossless")
+        for seq in range(12):
+            robot.send_people(seq)
+            time.sleep(0.05)
+            assert len(heard) == seq, "without its depth no frame is answered"
+            robot.send_depth(seq)
+            wait_until(lambda seq=seq: len(heard) == seq + 1, "the tracks")
+    assert [tracks.seq for tracks in heard] == list(range(12))
+    told = [track.distance_m for tracks in heard for track in tracks.tracks]
+    assert all(one is not None for one in told)
+    assert len(told) > 5

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from heel.schemas import CameraInfo, FrameId, Header, Stamp, Tracks, encode, keys
-from heel.schemas.image import JPEG, RAW, encode_image
+from heel.schemas.image import DEPTH, JPEG, RAW, encode_depth, encode_image
 from heel.services.recordings.wire import WireMessage
 from heel.services.recordings.writing import RecordingBytes
 
@@ -34,16 +34,31 @@ def image(
     return WireMessage(key, encoding, encode_image(pixels, encoding), encode(header), at_ns)
 
 
+def depth(seq: int, *, at_ms: int | None = None, epoch: int = 1, cut: int = 0) -> WireMessage:
+    """Depth of frame `seq`, 16x12 pixels of 1000 + `seq` mm; `cut` bytes short of that."""
+    at_ns = WALL_NS + (40 * seq if at_ms is None else at_ms) * 1_000_000
+    header = Header(
+        stream="front", epoch=epoch, seq=seq, index=seq, t_capture_ns=at_ns, width=16, height=12,
+        source_width=16, source_height=12, image_encoding=DEPTH, producer=PRODUCER,
+    )  # fmt: skip
+    payload = encode_depth(np.full((12, 16), 1000 + seq, np.uint16))
+    return WireMessage(
+        keys.depth("front"), DEPTH, payload[: len(payload) - cut], encode(header), at_ns
+    )  # fmt: skip
+
+
 def jpeg(seq: int) -> WireMessage:
     """The same as JPEG."""
     return image(seq, encoding=JPEG)
 
 
-def info(frame_count: int | None = None, stream: str = "front") -> WireMessage:
+def info(
+    frame_count: int | None = None, stream: str = "front", fov_rad: float | None = None
+) -> WireMessage:  # fmt: skip
     """What that camera says of itself."""
     said = CameraInfo(
         stream=stream, epoch=1, width=32, height=24, source_width=64, source_height=48, fps=25.0,
-        frame_count=frame_count, source="made",
+        frame_count=frame_count, source="made", horizontal_fov_rad=fov_rad,
     )  # fmt: skip
     return WireMessage(keys.info(stream), said.encoding(), encode(said), None, WALL_NS)
 

@@ -171,7 +171,8 @@ def as_replayed(message: WireMessage, raw: bool) -> CameraInfo:
         MessageError: it is no such message.
     """
     info = decode(CameraInfo, message.payload, message.encoding)
-    return info.model_copy(update={"host": "" if raw else _ELSEWHERE})
+    # Whoever works losslessly would wait for depth, which is not sent between the frames.
+    return info.model_copy(update={"host": "" if raw else _ELSEWHERE, "depth": False})
 
 
 @for_robot

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from heel.schemas.errors import SourceError
 from heel.services.capture.source import Frame
 from heel.services.capture.sources import open_source
-from tests.support.recordings import image, info, jpeg, recording, tracks
+from tests.support.recordings import depth, image, info, jpeg, recording, tracks
 
 
 def frames(spec: Path | str, **options: float) -> list[Frame]:
@@ -93,3 +94,63 @@ def test_it_is_scaled_retimed_and_looped_like_any_other(tmp_path: Path) -> None:
     first = looped[0]
     assert first is not None
     assert first.image.tobytes() == image(0).payload
+
+
+def depths(found: list[Frame]) -> list[int | None]:
+    """Millimetres that each frame's depth shows everywhere."""
+    return [None if one.depth_mm is None else int(one.depth_mm[5, 5]) for one in found]
+
+
+def test_depth_comes_with_its_frame_whenever_it_was_recorded(tmp_path: Path) -> None:
+    late = [image(0), image(1), depth(0), image(2), depth(1), depth(2)]
+    early = [depth(0), depth(1), image(0), image(1), depth(2), image(2)]
+    for name, order in (("late", late), ("early", early)):
+        found = frames(recording(tmp_path / f"{name}.mcap", [info(fov_rad=1.2), *order]))
+        assert [frame.index for frame in found] == [0, 1, 2]
+        assert depths(found) == [1000, 1001, 1002]
+        assert found[0].depth_mm is not None
+        assert found[0].depth_mm.shape == (12, 16)
+
+
+def test_a_frame_without_depth_of_its_own_has_none(tmp_path: Path) -> None:
+    some = [image(0), depth(0), image(1), image(2), depth(2), *map(image, range(3, 40)), depth(39)]
+    found = frames(recording(tmp_path / "a.mcap", [info(), *some]))
+    assert [frame.index for frame in found] == list(range(40))
+    assert depths(found) == [1000, None, 1002, *[None] * 36, 1039]
+
+
+def test_a_second_start_of_the_camera_has_depth_of_its_own(tmp_path: Path) -> None:
+    order = [image(0), depth(0), image(0, epoch=2), image(1, epoch=2), depth(1, epoch=2)]
+    assert depths(frames(recording(tmp_path / "a.mcap", [info(), *order]))) == [1000, None, 1001]
+    twice = [
+        one for start in range(2) for seq in range(start, 3) for one in (image(seq), depth(seq))
+    ]
+    found = frames(recording(tmp_path / "b.mcap", [info(), *twice]))
+    assert depths(found) == [1000, 1001, 1002, 1001, 1002]
+
+
+def test_depth_that_cannot_be_read_is_skipped_with_a_word(tmp_path: Path) -> None:
+    headless = replace(depth(1), attachment=b"odd")
+    order = [image(0), depth(0, cut=2), image(1), headless, image(2), depth(2)]
+    path, told = recording(tmp_path / "a.mcap", [info(), *order]), []
+    with open_source(str(path), warn=told.append) as source:
+        assert depths([one for one in iter(source.read, None) if one is not None]) == [
+            None, None, 1002,
+        ]  # fmt: skip
+    assert len(told) == 2
+    assert any("382 bytes are not 16x12 pixels" in one for one in told)
+
+
+def test_only_with_depth_the_recorded_camera_counts(tmp_path: Path) -> None:
+    plain = recording(tmp_path / "plain.mcap", [info(fov_rad=1.2), image(0)])
+    deep = recording(tmp_path / "deep.mcap", [info(fov_rad=1.2), image(0), depth(0)])
+    with open_source(str(plain), scale=0.5) as source:
+        assert (source.has_depth, source.camera) == (False, None)
+    for adjusted in ({"scale": 0.5}, {"loop": True}):
+        with open_source(str(deep), **adjusted) as source:  # type: ignore[arg-type]
+            assert source.has_depth
+            assert source.camera is not None
+            assert source.camera.horizontal_fov_rad == 1.2
+            frame = source.read()
+            assert frame is not None
+            assert depths([frame]) == [1000]

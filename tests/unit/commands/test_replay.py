@@ -74,7 +74,8 @@ def test_frames_wait_for_the_tracks_of_those_before_them() -> None:
 def test_a_replayed_camera_names_the_frames_that_it_has() -> None:
     said = CameraInfo(stream="front", epoch=1, width=32, height=24, source_width=32,
                       source_height=24, fps=25.0, source="a camera", host="ab-1")  # fmt: skip
-    told = WireMessage(keys.info("front"), said.encoding(), encode(said), None, 0)
+    deep = said.model_copy(update={"depth": True})
+    told = WireMessage(keys.info("front"), said.encoding(), encode(deep), None, 0)
     assert as_replayed(told, raw=True) == said.model_copy(update={"host": ""})
     assert as_replayed(told, raw=False) == said.model_copy(update={"host": "0"})
 

@@ -96,6 +96,7 @@ EXAMPLES: tuple[Message, ...] = (
         ),
         mount_yaw_rad=3.0,
         host="0a1b2c3d-0000-4000-8000-00000000beef-4026531834",
+        depth=True,
     ),
     Blobs(
         **FRAME, **SIZE,
