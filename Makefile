@@ -6,7 +6,8 @@ READY := $(VENV)/ready
 INSTALL := -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PIP := $(BIN)/python $(INSTALL)
 ALONE := $(patsubst %,tests/integration/test_%.py,\
-	follower_takeover manual stop_beside_viewers swap takeover time_to_stop watchdog)
+	follower_takeover manual odd_tracker security stop_beside_viewers swap takeover time_to_stop \
+	watchdog world_page)
 PEERS := .venv-peers
 PEERS_PIP := $(PEERS)/bin/python $(INSTALL)
 
