@@ -66,11 +66,13 @@ class Robot:
         """Choose the person who is shown, and wait until the robot drives."""
         self._ask(TargetRequest(mode="none"))
 
-        def chosen() -> bool:
-            return self._ask(TargetRequest(mode="id", track_id=1))
+        def chosen_and_driven_after() -> bool:
+            # What the follower saw last may be a tracker's of before: then it asks again.
+            if self.state is None or self.state.target.mode == "none":
+                self._ask(TargetRequest(mode="id", track_id=1))
+            return self.drives
 
-        network.wait_until(chosen, "somebody to choose", BACK_S)
-        network.wait_until(lambda: self.drives, "the robot drives", BACK_S)
+        network.wait_until(chosen_and_driven_after, "the robot drives", BACK_S)
 
     def _ask(self, request: TargetRequest) -> bool:
         replies = self.session.get(keys.FOLLOW_TARGET, payload=encode(request), timeout=5.0)
