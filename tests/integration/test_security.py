@@ -79,9 +79,17 @@ class Bus:
         role = self.made.members.roles[name]
         marks = [key for key in sent_by(role) if key.startswith("svc/")] or [keys.FOLLOW_ESTOP]
         mark = (marks[0].replace("*", "fence"), f"{name}-{time.monotonic_ns()}".encode())
-        # The same priority and no batching, or it might overtake.
-        self.sessions[name].put(*mark, congestion_control=zenoh.CongestionControl.BLOCK)
-        wait_until(lambda: mark in heard, f"what {name} may send")
+        sent_s: list[float] = []
+
+        def arrived() -> bool:
+            # Sent again each second: nobody may have been known yet to listen.
+            if not sent_s or time.monotonic() > sent_s[-1] + 1.0:
+                sent_s.append(time.monotonic())
+                # The same priority and no batching, or it might overtake.
+                self.sessions[name].put(*mark, congestion_control=zenoh.CongestionControl.BLOCK)
+            return mark in heard
+
+        wait_until(arrived, f"what {name} may send")
         return [one for one in heard[: heard.index(mark)] if not one[1].startswith(name.encode())]
 
 
