@@ -251,9 +251,12 @@ def open_router(settings: RouterSettings) -> Iterator[zenoh.Session]:
     try:
         session = zenoh.open(config)
     except zenoh.ZError as error:
+        said = one_line(error)
+        why = "the address is in use or not this machine's; choose another with --listen"
+        if "Missing TLS" in said:
+            why = "TLS needs certificates; `heel security init DIR` makes them for --config-file"
         raise HeelError(
-            f"router: cannot listen on {', '.join(settings.listen)}: the address is in use or not "
-            f"this machine's; choose another with --listen ({one_line(error)})"
+            f"router: cannot listen on {', '.join(settings.listen)}: {why} ({said})"
         ) from None
     with session, _telling_version(session):
         yield session

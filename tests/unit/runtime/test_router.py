@@ -10,8 +10,13 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from heel.schemas.errors import SettingsError
-from heel.services.runtime.router import RouterSettings, open_private_router, router_config
+from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.router import (
+    RouterSettings,
+    open_private_router,
+    open_router,
+    router_config,
+)
 from heel.services.runtime.router_log import RouterLog
 from heel.services.runtime.session import MAX_MESSAGE_BYTES, zenoh_config
 from heel.services.runtime.settings import ZenohSettings
@@ -106,6 +111,16 @@ def test_a_config_file_with_certificates_of_clients_is_authentication(tmp_path: 
 def test_what_is_no_endpoint_is_said_to_be_none() -> None:
     with pytest.raises(SettingsError, match="'7447' is not an endpoint"):
         router_config(RouterSettings(listen=("7447",)))
+
+
+@pytest.mark.parametrize("protocol", ["tls", "quic"])
+def test_certificates_that_are_missing_are_not_told_as_a_port_in_use(protocol: str) -> None:
+    settings = RouterSettings(listen=(f"{protocol}/127.0.0.1:0",), shared_memory=False)
+    with (
+        pytest.raises(HeelError, match="needs certificates; `heel security init DIR`"),
+        open_router(settings),
+    ):
+        pass
 
 
 def test_refused_clients_are_named_with_where_they_came_from(
