@@ -24,7 +24,12 @@ _DATA = struct.Struct("<BIQ")
 
 
 async def seen(url: str, wanted: set[str]) -> dict[str, tuple[dict[str, Any], bytes]]:
-    """The channel and the first message of some topics."""
+    """The channel and the first message of some topics.
+
+    A channel is asked for again where the server says that it does not know one it has just told
+    of: foxglove-sdk 0.30 tells viewers before it keeps the channel, and one subscription of ten
+    came between on a busy machine.
+    """
     found: dict[str, tuple[dict[str, Any], bytes]] = {}
     channels: dict[int, dict[str, Any]] = {}
     async with (
@@ -36,9 +41,11 @@ async def seen(url: str, wanted: set[str]) -> dict[str, tuple[dict[str, Any], by
                 message = await viewer.receive()
                 if message.type is aiohttp.WSMsgType.TEXT:
                     told = json.loads(message.data)
-                    for channel in told.get("channels", ()):
-                        channels[channel["id"]] = channel
-                        asked = [{"id": channel["id"], "channelId": channel["id"]}]
+                    new = {channel["id"]: channel for channel in told.get("channels", ())}
+                    channels |= new
+                    again = re.findall(r"^Unknown channel ID: (\d+)$", told.get("message", ""))
+                    for number in (*new, *map(int, again)):
+                        asked = [{"id": number, "channelId": number}]
                         await viewer.send_json({"op": "subscribe", "subscriptions": asked})
                 elif message.type is aiohttp.WSMsgType.BINARY and message.data[0] == 1:
                     _, number, _ = _DATA.unpack(message.data[: _DATA.size])
