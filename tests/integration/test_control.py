@@ -151,10 +151,18 @@ def test_status_names_every_service_and_the_follower(endpoint: str) -> None:
     assert "follower: " in done.stdout
 
 
+def follow_nearest(endpoint: str) -> str:
+    """What it prints; on a busy machine the picture may be too old for a choice now and then."""
+    for _ in range(5):
+        done = heel(endpoint, "follow", "nearest")
+        if done.returncode == 0:
+            return done.stdout
+        assert "choose again when the picture is live" in done.stderr
+    raise AssertionError(done.stderr)
+
+
 def test_follow_nearest_then_none(endpoint: str) -> None:
-    done = heel(endpoint, "follow", "nearest")
-    assert done.returncode == 0, done.stderr
-    assert "nearest" in done.stdout
+    assert "nearest" in follow_nearest(endpoint)
     done = heel(endpoint, "follow", "none")
     assert "cleared" in done.stdout
 
@@ -167,7 +175,7 @@ def test_following_an_unknown_id_is_refused_with_the_reason(endpoint: str) -> No
 
 def test_stop_is_confirmed_and_holds_until_resume(endpoint: str) -> None:
     assert "stopped" in heel(endpoint, "stop").stdout
-    assert heel(endpoint, "follow", "nearest").returncode == 0
+    follow_nearest(endpoint)
     assert "emergency stop" in heel(endpoint, "status").stdout
     assert "resumed" in heel(endpoint, "resume").stdout
     assert "emergency stop" not in heel(endpoint, "status").stdout

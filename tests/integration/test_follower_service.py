@@ -246,7 +246,8 @@ def test_a_frozen_frame_under_other_epochs_does_not_keep_the_robot_moving(robot:
     robot.put(keys.tracks("front"), frozen.model_copy(update={"seq": 2**63 - 1}))
     told = len(robot.states)
     robot.until("more states", lambda _: len(robot.states) > told + 5)
-    assert robot.states[-1].state == "following"
+    # A busy machine may be late with a picture, but what came after that frame still counts.
+    robot.until("still following", lambda state: state.state == "following")
 
 
 def test_ranges_that_cannot_be_read_stop_the_robot_from_the_first_on(robot: Robot) -> None:

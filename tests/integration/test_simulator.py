@@ -220,8 +220,13 @@ def test_the_stack_follows_at_a_distance_and_stands_on_emergency_stop(endpoint: 
         start = newest.truth
         assert start is not None
         request = TargetRequest(mode="nearest")
-        list(session.get(keys.FOLLOW_TARGET, payload=encode(request), encoding=request.encoding(),
-                         timeout=2.0))  # fmt: skip
+
+        def is_chosen() -> bool:
+            replies = session.get(keys.FOLLOW_TARGET, payload=encode(request),
+                                  encoding=request.encoding(), timeout=2.0)  # fmt: skip
+            return [reply.ok is not None for reply in replies] == [True]
+
+        wait_until(is_chosen, "a picture that is new enough for a choice")
         least_m = math.inf
 
         def time_passes() -> bool:
