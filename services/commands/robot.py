@@ -252,11 +252,20 @@ def session_with(where: Where) -> Iterator[zenoh.Session]:
     """
     import logging
 
-    from heel.services.runtime.session import open_session, start_zenoh_log
+    from heel.services.runtime.session import (
+        open_session,
+        start_zenoh_log,
+        without_certificates,
+        zenoh_config,
+    )
 
     start_zenoh_log()
     # Messages of commands are small, and a stop must get through when /dev/shm is full.
-    settings = where.zenoh.model_copy(update={"shared_memory": False})
+    changes: dict[str, object] = {"shared_memory": False}
+    if without_certificates(where.zenoh.connect, zenoh_config(where.zenoh)):
+        # Waiting mends nothing, and a stop that fails is to say so at once.
+        changes["connect_timeout_s"] = 0.0
+    settings = where.zenoh.model_copy(update=changes)
     session = open_session(settings, logging.getLogger("heel"), _pause)
     assert session is not None
     with session:

@@ -11,6 +11,10 @@ from pathlib import Path
 
 SOON_DAYS = 30
 """Days before its end from which on a certificate is told of; chosen by hand."""
+CERTIFICATES_REMEDY = (
+    "give a member's Zenoh file with --config-file, such as operator.json5; `heel security init "
+    "DIR` makes them"
+)
 _VERSION = 0xA0
 """Tag of a certificate's version, of DER (ITU-T X.690)."""
 _TWO_DIGIT_YEAR = 0x17

@@ -14,6 +14,7 @@ import zenoh
 from zenoh.shm import JustAlloc, ShmProvider
 
 from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.certificate import CERTIFICATES_REMEDY
 from heel.services.runtime.process import may_lock_memory
 from heel.services.runtime.settings import ZenohSettings
 from heel.services.runtime.shared_memory import OWN, SHARED_MEMORY, free_bytes, full_share
@@ -45,6 +46,8 @@ _LEAST_ROOM_BYTES = 2 << 20
 """Free shared memory below which none is used. Zenoh's index takes 1.3 MB of it, the greeting of
 each session 12 kB; where there is less, Zenoh does not refuse but panics (measured)."""
 _ZENOH_SOURCE = re.compile(r"\s+at /\S+\.rs:\d+\.?")
+_SECURED = ("tls/", "quic/")
+"""Endpoints at which both sides show certificates."""
 _ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws|serial|vsock|unixpipe|unixsock-stream)/\S+")
 
 
@@ -206,16 +209,45 @@ def open_session(
         try:
             return zenoh.open(config)
         except zenoh.ZError as error:
+            missing = without_certificates(settings.connect, config)
             where = ", ".join(settings.connect)
             if time.monotonic() >= deadline_s:
-                raise HeelError(
-                    f"no Zenoh router at {where} within {settings.connect_timeout_s:g} s, or it "
-                    "does not know the user: start one with `heel router`, name another with "
-                    "--connect, or check user and password; `heel doctor` tells which it is "
-                    f"({one_line(error)})"
-                ) from None
+                why = (
+                    f"no session with {where}: {missing}: {CERTIFICATES_REMEDY}" if missing
+                    else f"no Zenoh router at {where} within {settings.connect_timeout_s:g} s, or "
+                    f"it {_refusal(settings.connect)}"
+                )  # fmt: skip
+                raise HeelError(f"{why} ({one_line(error)})") from None
             if not told:
-                log.info("waiting for a router at %s", where)
+                log.info("waiting for a router at %s%s", where, missing and f": {missing}")
                 told = True
         if stopping(_RETRY_PERIOD_S):
             return None
+
+
+def _refusal(endpoints: tuple[str, ...]) -> str:
+    """What else it may be than a router that is not there, and what to do."""
+    if any(one.startswith(_SECURED) for one in endpoints):
+        return (
+            "does not take this certificate: start one with `heel router`, name another with "
+            "--connect, or look into the router's log"
+        )
+    return (
+        "does not know the user: start one with `heel router`, name another with --connect, or "
+        "check user and password; `heel doctor` tells which it is"
+    )
+
+
+def without_certificates(endpoints: Iterable[str], config: zenoh.Config) -> str:
+    """That an endpoint of TLS or QUIC is without certificates, in words; "" where all have them.
+
+    Zenoh says of it what it says where nobody listens. It may be right: a router whose certificate
+    is a public authority's may ask for none.
+    """
+    forms = ("root_ca_certificate", "root_ca_certificate_base64")
+    if any(json.loads(config.get_json(f"transport/link/tls/{form}")) for form in forms):
+        return ""
+    for endpoint in endpoints:
+        if endpoint.startswith(_SECURED) and "certificate" not in endpoint.partition("#")[2]:
+            return f"{endpoint.partition('/')[0]}/ needs certificates, and none are given"
+    return ""

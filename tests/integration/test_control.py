@@ -21,7 +21,9 @@ from typer.testing import CliRunner
 from heel.schemas import Health, HeelError, SettingsError, Tracks, encode, keys
 from heel.services.cli import app
 from heel.services.runtime.registry import Run, runs
-from tests.support.network import client, wait_until
+from heel.services.runtime.router import RouterSettings, open_router
+from heel.services.security.folder import SecurityFolder
+from tests.support.network import client, free_port, wait_until
 from tests.support.processes import running
 
 HEEL = [sys.executable, "-m", "heel"]
@@ -186,6 +188,22 @@ def test_without_a_router_it_says_so_in_one_line() -> None:
         assert done.returncode == 1, line
         assert "tcp/127.0.0.1:1" in done.stderr, line
         assert len(done.stderr.splitlines()) == 1, line
+
+
+def test_without_certificates_every_verb_asks_for_them(tmp_path: Path) -> None:
+    pytest.importorskip("cryptography", reason="the extra `secure` is not installed")
+    router = SecurityFolder.create(tmp_path / "keys").folder / "router.json5"
+    verbs = ("status", "stop", "resume", "follow none", "top", "doctor", "topics")
+    endpoints = [f"{protocol}/127.0.0.1:{free_port()}" for protocol in ("tls", "quic")]
+    listening = RouterSettings(listen=tuple(endpoints), config_file=router, shared_memory=False)
+    with open_router(listening):
+        for endpoint in endpoints:
+            for line, done in at_once(endpoint, *verbs).items():
+                assert done.returncode == 1, line
+                told = done.stdout if line == "doctor" else done.stderr
+                assert f"{endpoint}: {endpoint.partition('/')[0]}/ needs certificates" in told, line
+                assert "`heel security init DIR`" in told, line
+                assert "no Zenoh router" not in told, line
 
 
 def tool(endpoint: str, line: str) -> str:

@@ -19,6 +19,7 @@ class RouterFacts:
         entered: whether a session was opened.
         user: that was given.
         reason: why no session was opened, in Zenoh's words.
+        uncertified: that the address needs certificates and none are given, in words.
         versions: of its software, by name; empty where it does not say.
         certificate_days: that this command's own certificate is still valid; None: it has none, or
             one that does not tell.
@@ -30,6 +31,7 @@ class RouterFacts:
     entered: bool
     user: str | None = None
     reason: str = ""
+    uncertified: str = ""
     versions: dict[str, str] = field(default_factory=dict)
     certificate_days: float | None = None
 

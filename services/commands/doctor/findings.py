@@ -15,7 +15,7 @@ from heel.services.commands.doctor.facts import (
     ModelFacts,
     RouterFacts,
 )
-from heel.services.runtime.certificate import SOON_DAYS
+from heel.services.runtime.certificate import CERTIFICATES_REMEDY, SOON_DAYS
 from heel.services.runtime.chain import CERTIFICATE
 
 Level = Literal["ok", "note", "wrong"]
@@ -112,6 +112,8 @@ def _router(router: RouterFacts) -> Finding:
     if router.answer == "unreachable":
         return Finding("wrong", about, f"no way to {where}: the host is off, on another network, "
                        "or a firewall drops the port", "ping the host")  # fmt: skip
+    if router.uncertified:
+        return Finding("wrong", about, f"{where}: {router.uncertified}", CERTIFICATES_REMEDY)
     if router.answer is None:
         return Finding("wrong", about, f"{where}: {router.reason}", "check --connect")
     if router.named:

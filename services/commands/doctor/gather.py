@@ -90,8 +90,18 @@ def ask_robot(where: Where) -> tuple[RouterFacts, BusFacts | None]:
             told = _listen(bus)
             versions = _versions(bus)
     except HeelError as error:
-        return RouterFacts(endpoint, named, answer, False, user, str(error)), None
+        return RouterFacts(
+            endpoint, named, answer, False, user, str(error), uncertified=_uncertified(where)
+        ), None  # fmt: skip
     return RouterFacts(endpoint, named, answer, True, user, versions=versions), told
+
+
+def _uncertified(where: Where) -> str:
+    from heel.services.runtime.session import without_certificates, zenoh_config
+
+    with suppress(HeelError):
+        return without_certificates(where.zenoh.connect, zenoh_config(where.zenoh))
+    return ""
 
 
 def certificate_days(file: Path | None) -> float | None:

@@ -70,6 +70,12 @@ def test_where_all_is_well_nothing_is_to_be_done() -> None:
         (RouterFacts(ENDPOINT, True, "unreachable", False), "wrong", "no way to", "ping"),
         (RouterFacts(ENDPOINT, True, "unknown host", False), "wrong", "is not known", "name"),
         (RouterFacts("tls/x:1", True, None, False, reason="bad"), "wrong", "bad", "--connect"),
+        (
+            RouterFacts("quic/x:1", True, None, False, reason="bad", uncertified="no certificates"),
+            "wrong",
+            "quic/x:1: no certificates",
+            "heel security init",
+        ),
     ],
 )
 def test_why_no_router_lets_us_in(router: RouterFacts, level: str, words: str, remedy: str) -> None:

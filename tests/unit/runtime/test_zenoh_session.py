@@ -13,8 +13,9 @@ import zenoh
 
 from heel.schemas.errors import HeelError, SettingsError
 from heel.services.runtime.router import RouterSettings, is_loopback, open_router, router_config
-from heel.services.runtime.session import open_session, zenoh_config
+from heel.services.runtime.session import open_session, without_certificates, zenoh_config
 from heel.services.runtime.settings import ZenohSettings
+from heel.services.security.folder import SecurityFolder
 from tests.support.network import DEADLINE_S, collected, wait_for_listener
 
 _LOG = logging.getLogger("heel.test")
@@ -197,6 +198,28 @@ def test_others_are_kept_out(given: dict[str, str], guarded: str) -> None:
             threading.Event().wait,
         )  # fmt: skip
     assert "hunter2" not in str(error.value)
+
+
+@pytest.mark.parametrize("protocol", ["tls", "quic"])
+def test_certificates_that_are_missing_are_not_told_as_a_router_that_is(protocol: str) -> None:
+    asked = settings(connect=[f"{protocol}/127.0.0.1:1"], connect_timeout_s=0.0)
+    with pytest.raises(HeelError) as error:
+        open_session(asked, _LOG, never)
+    told = str(error.value)
+    assert f"{protocol}/ needs certificates, and none are given: give a member's" in told
+    assert "--config-file" in told
+    assert "`heel security init DIR`" in told
+    assert "heel doctor" not in told
+
+
+def test_certificates_are_found_in_a_members_file_and_in_an_endpoint(tmp_path: Path) -> None:
+    pytest.importorskip("cryptography", reason="the extra `secure` is not installed")
+    member = SecurityFolder.create(tmp_path / "keys").folder / "operator.json5"
+    config = zenoh_config(settings(config_file=member))
+    own = "tls/robot.local:7447#root_ca_certificate_file=ca.pem"
+    assert without_certificates(["quic/127.0.0.1:1"], config) == ""
+    assert without_certificates([own, "udp/127.0.0.1:1"], zenoh.Config()) == ""
+    assert without_certificates([own, "quic/127.0.0.1:1"], zenoh.Config()).startswith("quic/ needs")
 
 
 @pytest.mark.parametrize(
