@@ -103,8 +103,11 @@ def test_an_operator_of_this_robot_gets_in_from_the_host_and_nobody_else(
     }  # fmt: skip
     received = [line.split()[-1] for line in said.splitlines() if line.startswith("detector/main")]
     assert received == ["yes"], "frames go through shared memory, TLS or not"
+    code, said = robot.project.status("--connect", f"quic/{robot.bus}", *operator)
+    assert code == 0, said
     for stranger in (
         ("--connect", f"tcp/{robot.bus}"),
+        ("--connect", f"quic/{robot.bus}"),
         ("--connect", f"tls/{robot.bus}"),
         ("--connect", f"tls/{robot.bus}", "--config-file",
          str(SecurityFolder.create(tmp_path / "other").folder / "operator.json5")),
@@ -119,8 +122,9 @@ def test_the_router_answers_its_health_check(robot: Robot) -> None:
     robot.project.compose("exec", "-T", "router", *check[1:])
 
 
-def test_both_ports_are_on_loopback_unless_somebody_says_otherwise(robot: Robot) -> None:
+def test_all_ports_are_on_loopback_unless_somebody_says_otherwise(robot: Robot) -> None:
     for service in ("router", "web"):
         published = robot.project.inspect(service)["NetworkSettings"]["Ports"]
         hosts = {one["HostIp"] for ports in published.values() for one in ports or ()}
         assert hosts == {"127.0.0.1"}, service
+        assert ("7447/udp" in published) is (service == "router")

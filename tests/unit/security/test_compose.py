@@ -43,3 +43,12 @@ def test_nothing_says_insecure_and_everything_goes_over_tls() -> None:
     assert "--users-file" in secure["web"]["command"]
     assert "--certificate" in secure["web"]["command"]
     assert "tls/127.0.0.1:7447" in secure["router"]["healthcheck"]["test"]
+
+
+def test_tls_and_quic_are_published_alike_and_on_loopback_unless_told() -> None:
+    router = services("docker-compose.secure.yml")["router"]
+    tls, quic = router["ports"]
+    assert tls == "${HEEL_PUBLISH:-127.0.0.1}:${HEEL_BUS_PORT:-7447}:7447"
+    assert quic == f"{tls}/udp", "QUIC is UDP"
+    listening = router["command"][router["command"].index("--listen") + 1].split(",")
+    assert listening == ["tls/0.0.0.0:7447", "quic/0.0.0.0:7447"]
