@@ -12,7 +12,8 @@ ENV PYTHONUNBUFFERED=1 \
     PIP_DISABLE_PIP_VERSION_CHECK=1 \
     PIP_ROOT_USER_ACTION=ignore
 
-RUN useradd --uid 10001 --no-create-home --shell /usr/sbin/nologin heel
+RUN useradd --uid 10001 --no-create-home --shell /usr/sbin/nologin heel \
+    && install -d -o heel -g heel -m 700 /var/lib/heel
 
 WORKDIR /src
 

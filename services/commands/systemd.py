@@ -104,9 +104,14 @@ Group={account}
 {groups}RuntimeDirectory=heel
 RuntimeDirectoryMode=0700
 RuntimeDirectoryPreserve=yes
+Environment=HEEL_RUNTIME_DIR=/run/heel HEEL_MODELS=/var/lib/heel/models
+"""
+
+_STATE = """\
+# What outlives a restart of the machine: the emergency stop.
 StateDirectory=heel
 StateDirectoryMode=0700
-Environment=HEEL_RUNTIME_DIR=/run/heel HEEL_MODELS=/var/lib/heel/models
+Environment=HEEL_STATE_DIR=%S/heel
 """
 
 _SYSUSERS = """\
@@ -194,7 +199,7 @@ def _unit(service: str, layout: Layout) -> str:
         order=f"Wants={router}\nAfter={router}\n" if follows else "",
         command=" ".join(map(quoted, (*layout.program, service, *config))),
         environment_file="%h/.config/heel/heel.env" if layout.user else "/etc/heel/heel.env",
-        place=place, watchdog_s=_WATCHDOG_S, within_s=WITHIN_S, most_starts=MOST_STARTS,
+        place=place + _STATE, watchdog_s=_WATCHDOG_S, within_s=WITHIN_S, most_starts=MOST_STARTS,
         memory_mb=_MEMORY_MB.get(service, _MEMORY_ELSE_MB), cpu_weight=500 if first else 100,
         hardening=hardening,
     )  # fmt: skip

@@ -17,6 +17,8 @@ from heel.services.runtime.settings import ZenohSettings
 VARIABLE = "HEEL_RUNTIME_DIR"
 """Names another run folder: a container's volume, or one for every test."""
 
+KEPT_VARIABLE = "HEEL_STATE_DIR"
+"""Names a folder on a disk for what has to outlive a restart of everything."""
 _SO_NETNS_COOKIE = 71
 """Of Linux, asm-generic/socket.h; the socket module does not name it."""
 _HOST_AND_PORT = re.compile(r"[a-z-]+/(.+):(\d+)")
@@ -31,24 +33,44 @@ def run_folder() -> Path:
     Raises:
         SettingsError: it cannot be made, is a link, or another user owns it or may write to it.
     """
-    folder = _wanted()
+    return _private("run folder", _wanted(), VARIABLE)
+
+
+def kept_folder() -> Path:
+    """Where the emergency stop is written down: `$HEEL_STATE_DIR`, else the run folder.
+
+    Raises:
+        SettingsError: as `run_folder`.
+    """
+    named = os.environ.get(KEPT_VARIABLE)
+    if not named:
+        return run_folder()
+    return _private("state folder", Path(named).absolute(), KEPT_VARIABLE)
+
+
+def _private(what: str, folder: Path, variable: str) -> Path:
+    """A folder that only this user may write to, made if it is not there.
+
+    Raises:
+        SettingsError: it cannot be made, is a link, or another user owns it or may write to it.
+    """
     try:
-        folder.mkdir(mode=0o700, exist_ok=True, parents=VARIABLE in os.environ)
+        folder.mkdir(mode=0o700, exist_ok=True, parents=variable in os.environ)
         found = folder.lstat()
     except OSError as error:
         raise SettingsError(
-            f"run folder {folder}: {error.strerror}: name another with {VARIABLE}"
+            f"{what} {folder}: {error.strerror}: name another with {variable}"
         ) from None
     if not stat.S_ISDIR(found.st_mode):
-        raise SettingsError(f"run folder {folder} is a link: name the folder itself: {VARIABLE}")
+        raise SettingsError(f"{what} {folder} is a link: name the folder itself: {variable}")
     if found.st_uid != os.geteuid():
         raise SettingsError(
-            f"run folder {folder} belongs to user {found.st_uid}: name another with {VARIABLE}"
+            f"{what} {folder} belongs to user {found.st_uid}: name another with {variable}"
         )
     if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
         raise SettingsError(
-            f"run folder {folder}: others may write to it: `chmod 700` it, or name another with "
-            f"{VARIABLE}"
+            f"{what} {folder}: others may write to it: `chmod 700` it, or name another with "
+            f"{variable}"
         )
     return folder
 

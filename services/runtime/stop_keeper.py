@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -41,7 +41,7 @@ class StopKeeper:
 
     A message that cannot be read engages it. Others are asked once a second for as long as the
     service runs, since a stop may have gone by while the link was down. An engagement is written
-    down in the run folder, so that it also outlives the end of all that hold it.
+    down (`places.kept_folder`), so that it also outlives the end of all that hold it.
 
     Args:
         context: of the running service; subscribes to `follow/estop` under the name `estop`.
@@ -150,14 +150,21 @@ class StopKeeper:
     def _place(self) -> Path | None:
         if self._context.settings.delivery != "live":
             return None
-        try:
-            folder = places.run_folder()
-        except SettingsError as error:
-            self._context.log.warning("%s: no emergency stop is kept beyond this process", error)
+        if (folder := self._folder()) is None:
             return None
         who = f"{self._context.name}-{self._context.settings.instance}"
         run = places.private_run()
         return folder / f"estop-{self._context.robot}-{who}{run and f'-{run}'}"
+
+    def _folder(self) -> Path | None:
+        try:
+            return places.kept_folder()
+        except SettingsError as error:
+            self._context.log.warning("%s", error)
+        with suppress(SettingsError):
+            return places.run_folder()
+        self._context.log.warning("no emergency stop is kept beyond this process")
+        return None
 
     def _kept(self) -> EStop | None:
         if self._file is None:

@@ -102,6 +102,6 @@ def test_the_override_of_the_page_fits_the_file(image: str, tmp_path: Path) -> N
     capture = json.loads(said)["services"]["capture"]
     assert capture["environment"] == {
         "HEEL_CAPTURE__HORIZONTAL_FOV_DEG": "69", "HEEL_ZENOH__CONNECT": "tcp/router:7447",
-        "HEEL_RUNTIME_DIR": "/dev/shm/heel", "HEEL_PROFILE": "",
+        "HEEL_RUNTIME_DIR": "/dev/shm/heel", "HEEL_STATE_DIR": "/var/lib/heel", "HEEL_PROFILE": "",
     }  # fmt: skip
     assert capture["read_only"] is True

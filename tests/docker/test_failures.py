@@ -223,3 +223,25 @@ def test_a_tracker_is_exchanged_and_the_robot_follows_the_same_person_unasked(ro
     finally:
         robot.project.run("docker", "rm", "-f", second)
         robot.project.compose("start", "tracker")
+
+
+def test_an_emergency_stop_outlives_all_containers_at_once(robot: Robot) -> None:
+    def stopped() -> list[bool]:
+        told = json.loads(robot.project.page("/api/state"))
+        return [told["drive"]["estop"], told["follower"]["estop"]]
+
+    def heard(answer: bool) -> bool:
+        with suppress(urllib.error.URLError, OSError, ValueError, KeyError, TypeError):
+            return stopped() == [answer, answer]
+        return False
+
+    wait_until(lambda: heard(False), "drive and follower", START_S)
+    robot.post("/api/stop")
+    wait_until(lambda: heard(True), "the stop", BACK_S)
+    robot.project.compose("stop", "-t", "5")
+    robot.project.compose("start")
+    try:
+        wait_until(lambda: heard(True), "the stop of before", START_S)
+    finally:
+        robot.post("/api/resume")
+    wait_until(lambda: heard(False), "the release", BACK_S)

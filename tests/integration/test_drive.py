@@ -270,6 +270,24 @@ def test_a_stop_outlives_everybody_who_holds_it() -> None:
             wait_until(robot.drives, "driving again")
 
 
+def test_a_stop_outlives_the_run_folder_where_a_disk_is_named(tmp_path: Path) -> None:
+    """As where all containers of a robot, or its computer, are started anew."""
+    disk = str(tmp_path / "disk")
+    with network.router() as own, network.client(own) as client:
+        before, after = (
+            {"HEEL_RUNTIME_DIR": str(tmp_path / name), "HEEL_STATE_DIR": disk}
+            for name in ("before", "after")
+        )
+        with drive_process(own, client, **before) as robot:
+            press(client, True, "4" * 16)
+            wait_until(lambda: robot.stopped, "the stop")
+            robot.process.stop(signal.SIGKILL, 5.0)
+        with drive_process(own, client, **after) as robot, robot.commanded():
+            wait_until(lambda: robot.stands_because("emergency stop"), "the stop")
+            press(client, False, "4" * 16)
+            wait_until(robot.drives, "driving again")
+
+
 def test_a_drive_that_starts_while_the_stop_holds_stands() -> None:
     with network.router() as own, network.client(own) as client:
         with Latched(client, keys.FOLLOW_ESTOP, qos.ESTOP) as kept:

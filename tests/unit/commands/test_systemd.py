@@ -46,6 +46,8 @@ def test_every_service_is_watched_and_started_again_but_not_for_ever(user: bool)
         assert unit["Unit.StartLimitBurst"] == ["5"]
         assert unit["Service.NoNewPrivileges"] == ["yes"]
         assert unit["Unit.PartOf"] == [TARGET]
+        assert "HEEL_STATE_DIR=%S/heel" in " ".join(unit["Service.Environment"])
+        assert unit["Service.StateDirectory"] == ["heel"]
         after = [] if service == "router" else ["heel-router.service"]
         assert unit["Unit.After"] == unit["Unit.Wants"] == after
     target = parsed(files[TARGET])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from heel.schemas.errors import SettingsError
-from heel.services.runtime.places import private_run, robot_name, run_folder
+from heel.services.runtime.places import kept_folder, private_run, robot_name, run_folder
 from heel.services.runtime.process import PARENT_VARIABLE
 from heel.services.runtime.settings import ZenohSettings
 
@@ -72,6 +72,21 @@ def test_what_cannot_be_made_is_one_line(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setenv("HEEL_RUNTIME_DIR", str(tmp_path / "file" / "run"))
     with pytest.raises(SettingsError, match=r"run folder .*name another"):
         run_folder()
+
+
+def test_what_has_to_outlive_everything_may_have_a_folder_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HEEL_RUNTIME_DIR", str(tmp_path / "run"))
+    monkeypatch.delenv("HEEL_STATE_DIR", raising=False)
+    assert kept_folder() == run_folder()
+    monkeypatch.setenv("HEEL_STATE_DIR", str(tmp_path / "lib" / "heel"))
+    assert kept_folder() == tmp_path / "lib" / "heel"
+    assert stat.S_IMODE(kept_folder().stat().st_mode) == 0o700
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("HEEL_STATE_DIR", str(tmp_path / "file" / "state"))
+    with pytest.raises(SettingsError, match=r"state folder .*HEEL_STATE_DIR"):
+        kept_folder()
 
 
 def name_of(connect: str, namespace: str = "") -> str:

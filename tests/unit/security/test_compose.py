@@ -52,3 +52,12 @@ def test_tls_and_quic_are_published_alike_and_on_loopback_unless_told() -> None:
     assert quic == f"{tls}/udp", "QUIC is UDP"
     listening = router["command"][router["command"].index("--listen") + 1].split(",")
     assert listening == ["tls/0.0.0.0:7447", "quic/0.0.0.0:7447"]
+
+
+def test_what_keeps_the_emergency_stop_keeps_it_on_the_disk() -> None:
+    plain = services("docker-compose.yml")
+    for name, service in plain.items():
+        keeps = service["command"][0] in ("drive", "follower")
+        assert ("state:/var/lib/heel" in service.get("volumes", ())) is keeps, name
+        if name != "router":
+            assert service["environment"]["HEEL_STATE_DIR"] == "/var/lib/heel"
