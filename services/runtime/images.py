@@ -147,7 +147,9 @@ class DepthPublisher:
 
     def __init__(self, context: ServiceContext[S]) -> None:
         self._publisher = context.publisher(keys.depth(context.settings.camera), qos.DEPTH)
-        self._memory = FrameMemory(_DEPTHS_IN_FLIGHT, context.log)
+        self._memory: FrameMemory | None = None
+        if context.shared_memory:
+            self._memory = FrameMemory(_DEPTHS_IN_FLIGHT, context.log)
         self._lossless = context.settings.delivery == "lossless"
 
     def send(
@@ -171,5 +173,6 @@ class DepthPublisher:
             **frame.frame_id().model_dump(), width=width, height=height, source_width=width,
             source_height=height, image_encoding=DEPTH, producer=identity.producer, age_ns=age_ns,
         )  # fmt: skip
-        held = self._memory.hold(encode_depth(depth_mm))
+        payload = encode_depth(depth_mm)
+        held = payload if self._memory is None else self._memory.hold(payload)
         self._publisher.send_bytes(held, DEPTH, encode(header))

@@ -209,6 +209,17 @@ def test_stops_when_tracks_are_stale(age_s: float) -> None:
     assert "older than 0.3 s" in command.reason
 
 
+def test_who_is_in_sight_after_a_gap_is_made_sure_of_as_anybody_who_is_back() -> None:
+    made = following(confirm_s=1.0, max_tracks_age_s=0.3)
+    assert drive(made).state == "following"
+    gone_s = 10.0 if made._now_s is None else made._now_s
+    for i in range(100):
+        made.step(gone_s + i * 0.02, i * 0.02)
+    states = [drive(made, 0.0).state for _ in range(60)]
+    assert made.state.state == "following"
+    assert 1.0 <= 0.02 * states.index("following") <= 1.1
+
+
 def test_stops_before_the_first_tracks() -> None:
     made = follower(target="nearest")
     command = made.step(0.0, None)

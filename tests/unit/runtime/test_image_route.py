@@ -13,12 +13,17 @@ import pytest
 import zenoh
 
 from heel.schemas import CameraInfo, EndOfStream, Header, decode, keys
-from heel.schemas.image import JPEG, RAW, decode_image
-from heel.services.runtime import qos
+from heel.schemas.image import JPEG, RAW, decode_depth, decode_image
+from heel.services.runtime import images, qos
 from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.counters import ServiceStatistics
 from heel.services.runtime.image_route import image_key, router_host
-from heel.services.runtime.images import ImagePublisher, StreamIdentity, image_header
+from heel.services.runtime.images import (
+    DepthPublisher,
+    ImagePublisher,
+    StreamIdentity,
+    image_header,
+)
 from heel.services.runtime.inbox import Inbox
 from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import ServiceContext
@@ -57,11 +62,13 @@ def test_a_router_tells_its_host(receiver: zenoh.Session) -> None:
     assert router_host(receiver) == monotonic_clock()
 
 
-def service(session: zenoh.Session, inbox: Inbox, camera: str) -> ServiceContext[ServiceSettings]:
+def service(
+    session: zenoh.Session, inbox: Inbox, camera: str, shared_memory: bool = False
+) -> ServiceContext[ServiceSettings]:
     return ServiceContext(
         name="detector", settings=ServiceSettings(camera=camera), session=session, inbox=inbox,
         statistics=ServiceStatistics(), log=logging.getLogger("heel.test"), producer=PRODUCER,
-        shared_memory=False, stop=threading.Event(), announce=lambda: None, robot="robot",
+        shared_memory=shared_memory, stop=threading.Event(), announce=lambda: None, robot="robot",
         notifier=cast(Any, None),
     )  # fmt: skip
 
@@ -133,3 +140,32 @@ def test_the_end_comes_on_both_keys(
         arrival = inbox.get(DEADLINE_S, name)
         assert arrival is not None
         assert decode(EndOfStream, arrival.payload, arrival.encoding).frames == 3
+
+
+@pytest.mark.parametrize("shared_memory", [False, True])
+def test_depth_takes_shared_memory_only_where_that_is_switched_on(
+    shared_memory: bool, sender: zenoh.Session, inbox: Inbox, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held: list[int] = []
+
+    class Memory:
+        def __init__(self, *_: object) -> None:
+            pass
+
+        def hold(self, frame: bytes) -> bytes:
+            held.append(len(frame))
+            return frame
+
+    monkeypatch.setattr(images, "FrameMemory", Memory)
+    camera = f"depth-{shared_memory}".lower()
+    out = DepthPublisher(service(sender, inbox, camera, shared_memory))
+    inbox.subscribe("depth", keys.depth(camera), qos.DEPTH)
+    wait_until(lambda: out._publisher.has_listeners, "a listener")
+    depth_mm = np.arange(48 * 32, dtype=np.uint16).reshape(32, 48)
+    out.send(StreamIdentity(camera, 1, PRODUCER), header(camera, 0).frame_id(), depth_mm, 0)
+    arrival = inbox.get(DEADLINE_S, "depth")
+    assert arrival is not None
+    assert arrival.attachment is not None
+    told = decode(Header, arrival.attachment)
+    assert np.array_equal(decode_depth(arrival.payload, told, arrival.encoding), depth_mm)
+    assert bool(held) is shared_memory
