@@ -130,7 +130,9 @@ def test_click_a_person_and_the_robot_follows_that_one_stop_and_it_stands(
 
         wait_until(six_seconds_pass, "six seconds", 40.0)
         assert seen <= {"1", ""}, "nobody else, in a corridor full of people"
-        assert page.text("state") in ("following", "occluded", "acquiring")
+        # On a busy machine the pictures may be too old for a moment.
+        follows = ("following", "occluded", "acquiring")
+        wait_until(lambda: page.text("state") in follows, "the follower's state")
         chrome.save_screenshot(str(tmp_path / "following.png"))
 
         wait_until(lambda: page.speed_mps > 0.2, "the robot drives", 20.0)
