@@ -77,6 +77,10 @@ class Recall:
     ) -> list[Claim]:  # fmt: skip
         """Which known person each new track of this frame most probably is.
 
+        Where descriptors are known, a track that has not been seen alone waits for its first one:
+        places alone would give the id of whoever was last seen there, and after two stood in one
+        box that may be either.
+
         Args:
             ready: new tracks that are about to be confirmed. tracks: all in sight.
             t_s: now. places: whether places in the picture are places in the world.
@@ -91,6 +95,10 @@ class Recall:
             for track in tracks
             if id(track) in first or (pictures and track.seen_s == t_s and _asks_again(track))
         ]
+        if pictures:
+            newcomers = [track for track in newcomers if track.gallery.looks]
+            for track in newcomers:
+                track.compared = True
         missing = list(self.lost) if places or pictures else []
         if pictures:
             missing += [t for t in tracks if t.confirmed and t.seen_s < t_s]
@@ -124,4 +132,6 @@ class Recall:
 
 
 def _asks_again(track: Track) -> bool:
-    return track.confirmed and track.hits in _LOOK_AGAIN_HITS
+    # Not much later: a user may have chosen the id that would be replaced.
+    waited = not track.compared and track.hits <= _LOOK_AGAIN_HITS[-1]
+    return track.confirmed and (waited or track.hits in _LOOK_AGAIN_HITS)

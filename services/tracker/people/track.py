@@ -64,6 +64,7 @@ class Track:
     anchor_spread_px: float = 0.0  # standard deviation by warps
     missed_frames: int = 0
     returning: bool = False  # measured again after time unseen, not yet compared with others
+    compared: bool = False  # with the looks of people out of sight
     in_front: tuple[Track, ...] = ()  # occluders, nearest first
     proven: bool = True  # known to be a person, not a thing
     left: bool = False  # over the edge of the picture

@@ -74,6 +74,16 @@ def test_who_comes_back_gets_the_old_id_by_look_wherever(gone_s: float, elsewher
     assert found(frames[-1], elsewhere).identity_confidence > 0.6
 
 
+def test_who_comes_back_beside_somebody_is_recognised_once_seen_alone() -> None:
+    """Nothing is known of their look before that, which is not to look like nobody."""
+    leaving = Person(GREEN, lambda t_s: (145 + 150 * max(0.0, t_s - 14.8), 400.0))
+    people = [standing(RED, 400, (0, 4)), standing(RED, 100, (14, 99)), leaving]
+    frames = follow(Tracker(TrackerSettings()), people, 16)
+    before, beside, alone = found(frames[30], 400), found(frames[146], 100), found(frames[158], 100)
+    assert before.id not in (beside.id, found(frames[146], 145).id)
+    assert alone.id == before.id
+
+
 @pytest.mark.parametrize(("after_s", "same"), [(0.3, False), (3.0, True)])
 def test_who_left_on_one_side_does_not_enter_on_the_other_a_moment_later(
     after_s: float, same: bool
