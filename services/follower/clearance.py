@@ -84,6 +84,12 @@ class Sectors:
         free_m = along_m[met] - np.sqrt(space_m[met] ** 2 - beside_m[met] ** 2)
         return max(0.0, float(free_m.min(initial=math.inf)))
 
+    def points(self) -> NDArray[np.float64]:
+        """Where the sectors show something, (N, 2) metres ahead and to the left."""
+        near = self._distance < MAX_RANGE_M
+        directions = np.stack([np.cos(self._bearing[near]), np.sin(self._bearing[near])], axis=1)
+        return np.asarray(self._distance[near, None] * directions)
+
     def towards_m(self, bearing_rad: float, widest_rad: float = math.inf) -> float | None:
         """The range of the sector that looks most nearly in a direction; None if none does.
 

@@ -91,8 +91,9 @@ class VelocityController:
         return 0.0, 0.0
 
     def follow(
-        self, goal: Goal, room: Room, sidestep_rad: float, dt_s: float, seen: bool = True
-    ) -> tuple[float, float]:
+        self, goal: Goal, room: Room, sidestep_rad: float, dt_s: float,
+        most_mps: float = math.inf,
+    ) -> tuple[float, float]:  # fmt: skip
         """Linear (m/s) and angular (rad/s) velocity for the next `dt_s` seconds.
 
         Args:
@@ -100,11 +101,11 @@ class VelocityController:
             room: how far the robot may go ahead and back.
             sidestep_rad: by how much to head beside the person.
             dt_s: since the last command.
-            seen: whether the person is seen; after one that is not the robot goes no faster.
+            most_mps: after somebody out of sight the robot goes no faster.
         """
         wished, why = self._wished_linear(goal)
-        if not seen and wished > max(self.linear_mps, 0.0):
-            wished, why = max(self.linear_mps, 0.0), "no faster after somebody out of sight"
+        if wished > most_mps:
+            wished, why = most_mps, "no faster after somebody out of sight"
         linear = self._forward(wished, why, room, dt_s)
         wished_radps = self._swing.share * self._wished_angular(goal, linear, sidestep_rad)
         angular = self._turn(wished_radps, dt_s)

@@ -38,10 +38,11 @@ from heel.services.follower.sensors import (
     implausible_ranges,
 )
 from heel.services.follower.settings import FollowerSettings
-from heel.services.follower.sight import judge_sight
+from heel.services.follower.sight import Sight, judge_sight
 from heel.services.follower.states import Situation, by_hand, next_state
 from heel.services.follower.surroundings import Surroundings
 from heel.services.follower.target import TargetChoice, TargetError
+from heel.services.follower.trail import Trail, Way
 
 _MAX_STEP_S = 0.2
 """Seconds that one step of the controller spans at most, however late it comes; chosen by hand."""
@@ -53,6 +54,10 @@ _WAY_M = 1.5
 _SLACK_M = 0.1
 """Of the way to a person that need not be free, beyond their body and the robot's: ranges vary;
 chosen by hand."""
+_TRAIL_MPS = 1.0
+"""Fastest after somebody that a thing hides, m/s: a walk. Chosen by hand."""
+_ARRIVED_M = 0.3
+"""From the end of their way, metres: the robot looks round from there. Chosen by hand."""
 _IN_VIEW = 0.8
 """Share of half the camera's view by which the robot heads beside a person, at most; chosen by
 hand: the person stays in the picture."""
@@ -72,6 +77,8 @@ class Follower:
         self._people = People(settings.person_height_m, math.radians(settings.horizontal_fov_deg))
         self._motion = OwnMotion(settings.robot_delay_s, MAX_ODOMETRY_AGE_S)
         self._surroundings = Surroundings(settings)
+        self._trail = Trail()
+        self._goes_after = False
         self._sensors = Sensors(settings)
         self._choice = TargetChoice(settings)
         self._picture = PictureWatch()
@@ -362,6 +369,8 @@ class Follower:
     def _begin(self) -> None:
         """Another person or none: what was known of the old one's sight means nothing."""
         self._forget_sight()
+        self._trail.clear()
+        self._goes_after = False
         self._picture.restart()
         self._around = self._asked_s = None
         self._name = "idle"
@@ -377,6 +386,10 @@ class Follower:
         self._tracks_s = now_s - tracks_age_s
         self._freshness.frame(self._tracks_s, tracks_age_s)
         self._people.update(self._tracks, self._tracks_s, self._motion, self.target.track_id)
+        target = self._people.seen.get(self.target.track_id or 0)
+        if target is not None and self.settings.trail_s:
+            self._trail.add(target.filter.place_at(self._tracks_s))
+            self._surroundings.note_things(self._motion.pose)
         self._watch_picture(self._tracks)
         turned_rad = self._turned_rad()
         if self._choice.pending is not None:
@@ -400,13 +413,12 @@ class Follower:
         return self._heading_rad - before_rad
 
     def _situation(self, now_s: float, tracks_age_s: float | None) -> Situation:
-        track, target = self._track(), self.target
-        sight, why = judge_sight(
-            track, target.track_id in self._people.seen,
-            self._name in ("following", "occluded"), self.settings,
-        )  # fmt: skip
+        sight, why = self._sight()
+        if sight in ("clear", "doubtful") and self._asks_who_is_back():
+            sight, why = self._sight()
         if sight in ("clear", "doubtful"):
             self._seen_s = self._tracks_s
+        track, target = self._track(), self.target
         proven = track is None or track.proven
         # While it may be a thing, its confidence is low; time in sight counts all the same, so
         # that proof, which itself takes time, lets the robot start at once.
@@ -430,12 +442,28 @@ class Follower:
             searching_s=now_s - self._since_s if self._name == "searching" else 0.0,
             looked_everywhere=target.track_id not in self._people.known
             or (self._search is not None and self._search.over),
+            on_way=self._name in ("following", "occluded") and self._on_way(now_s),
             looks_around=self._looks_around(now_s),
             undecided=target.reason if self._choice.provisional is not None else "",
             proven=proven,
             stale=None if tracks_age_s is None else self._freshness.judge(now_s, tracks_age_s),
             frozen=self._picture.frozen,
         )
+
+    def _sight(self) -> tuple[Sight, str]:
+        """How well the target is seen in the newest frame, and why not better."""
+        located = self.target.track_id in self._people.seen
+        trusted = self._name in ("following", "occluded")
+        return judge_sight(self._track(), located, trusted, self.settings)
+
+    def _asks_who_is_back(self) -> bool:
+        """Whether the target was out of sight for so long that a user has to choose again."""
+        away_s, most_s = self._tracks_s - self._seen_s, self.settings.ask_after_s
+        if not 0.0 < most_s <= away_s < math.inf:
+            return False
+        self._choice.ask_again(away_s)
+        self._begin()
+        return True
 
     def _looks_around(self, now_s: float) -> bool:
         """Whether to turn round once for the first person, none being in view since asked to."""
@@ -481,23 +509,73 @@ class Follower:
         if self._name not in ("following", "occluded"):
             return self._controller.stop()
         goal = self._goal(now_s + self.settings.robot_delay_s)
-        if self._name == "occluded" and now_s - self._seen_s > self.settings.coast_s:
+        seen, on_way = self._name == "following", self._on_way(now_s)
+        if not seen and not on_way and now_s - self._seen_s > self.settings.coast_s:
             rate = self._controller.turn_to(goal.bearing_rad, self.settings.search_radps)
             return self._controller.brake_and_turn(rate, dt_s)
         people, target_id, pose = self._people, self.target.track_id, self._motion.pose
-        seen = self._name == "following"
         room = self._surroundings.room(
-            people, target_id, pose, now_s, self.state.linear_mps, self.state.angular_radps, seen
-        )
-        way = replace(pose, heading_rad=pose.heading_rad + goal.bearing_rad)
-        sidestep_rad = self._surroundings.sidestep_rad(
-            people, target_id, way, now_s, self.state.linear_mps
-        )
-        way_m = min(goal.distance_m - self._surroundings.body_m - BODY_M - _SLACK_M, _WAY_M)
+            people, target_id, pose, now_s, self.state.linear_mps, self.state.angular_radps, seen,
+            on_way,
+        )  # fmt: skip
         most_rad = _IN_VIEW * self._people.half_view_rad
-        sidestep_rad += self._surroundings.detour_rad(goal.bearing_rad, way_m, most_rad)
+        way_m = min(goal.distance_m - self._surroundings.body_m - BODY_M - _SLACK_M, _WAY_M)
+        beside_rad = self._surroundings.detour_rad(goal.bearing_rad, way_m, most_rad)
+        if on_way or (seen and self._blocked(goal.bearing_rad + beside_rad, way_m)):
+            way = self._trail.way(self._motion.pose_soon(), self._surroundings.is_free)
+            if way is not None:
+                goal = _along(goal, way, seen, self.settings.distance_m)
+                aim_m = min(way.aim_m, _WAY_M)
+                beside_rad = self._surroundings.detour_rad(way.bearing_rad, aim_m, most_rad)
+        heading = replace(pose, heading_rad=pose.heading_rad + goal.bearing_rad)
+        sidestep_rad = beside_rad + self._surroundings.sidestep_rad(
+            people, target_id, heading, now_s, self.state.linear_mps
+        )
         sidestep_rad = min(max(sidestep_rad, -most_rad), most_rad)
-        return self._controller.follow(goal, room, sidestep_rad, dt_s, seen)
+        most_mps = max(self.state.linear_mps, _TRAIL_MPS * on_way)
+        return self._controller.follow(
+            goal, room, sidestep_rad, dt_s, math.inf if seen else most_mps
+        )
+
+    def _blocked(self, bearing_rad: float, way_m: float) -> bool:
+        """Whether a thing is in the way in a direction, and nobody who will have passed soon."""
+        return (
+            self.settings.trail_s > 0
+            and self._surroundings.is_blocked(bearing_rad, way_m)
+            and not self._somebody_towards(bearing_rad, way_m)
+        )
+
+    def _somebody_towards(self, bearing_rad: float, way_m: float) -> bool:
+        """Whether somebody else is about in a direction, and nearer than so far."""
+        return self._people.anybody_towards(
+            self._motion.pose, bearing_rad, way_m, self._now_s or 0.0, but=self.target.track_id
+        )
+
+    def _on_way(self, now_s: float) -> bool:
+        """Whether the target is hidden by a thing, and the way that they took is to be driven."""
+        track, person = self._track(), self._people.known.get(self.target.track_id or 0)
+        unseen_s = now_s - self._seen_s
+        if person is None or self._seen_s >= self._tracks_s:
+            self._goes_after = False
+            return False
+        pose = self._motion.pose
+        place = pose.seen(*person.filter.place_at(now_s))
+        bearing_rad = math.atan2(place[1], place[0])
+        if (
+            unseen_s > self.settings.trail_s
+            or (track is not None and track.occluded_by)
+            or self._somebody_towards(bearing_rad, math.hypot(*place))
+        ):
+            return False
+        way = self._trail.way(pose, self._surroundings.is_free)
+        if way is None or way.left_m <= _ARRIVED_M:
+            return False
+        # Who leaves the picture while the robot drives round a corner is gone after, too; once
+        # the place where they should be is in view, it is looked at.
+        hidden = self._surroundings.thing_hides(place, pose)
+        aside = abs(bearing_rad) > self._people.half_view_rad
+        self._goes_after |= hidden or (aside and way.aim_m < way.left_m)
+        return self._goes_after and (hidden or aside)
 
     def _drive_by_hand(self, now_s: float, dt_s: float) -> tuple[float, float]:
         """Velocity that the hand wishes, slower than following, with the same braking."""
@@ -564,3 +642,21 @@ class Follower:
             obstacle_watch=free_m is not None, free_distance_m=free_m, nearest_person_m=nearest_m,
             driven_by=self._manual.source,
         )  # fmt: skip
+
+
+def _along(goal: Goal, way: Way, seen: bool, distance_m: float) -> Goal:
+    """Somebody at the end of a way, as if it were straight; who is not seen is driven up to.
+
+    Args:
+        goal: where they are.
+        way: that leads there.
+        seen: whether they are.
+        distance_m: wished to those that are seen.
+    """
+    towards = math.cos(way.bearing_rad), math.sin(way.bearing_rad)
+    ahead_m = way.left_m if seen else way.left_m + distance_m
+    speed_mps = math.hypot(*goal.velocity) if seen else 0.0
+    return Goal(
+        (ahead_m * towards[0], ahead_m * towards[1]),
+        (speed_mps * towards[0], speed_mps * towards[1]),
+    )

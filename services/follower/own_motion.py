@@ -51,7 +51,7 @@ class Pose:
 class OwnMotion:
     """Integrates the robot's velocity into poses and remembers them for two seconds.
 
-    Only differences over a second or two are used, so drift does not matter.
+    Only differences over some seconds are used, so drift does not matter.
 
     Args:
         delay_s: how long the robot takes to do what it is told.

@@ -32,6 +32,8 @@ _NEARER_SHARE = 0.1
 """Standard deviation of such a place as a share of its distance; chosen by hand."""
 _HEIGHT_RESERVE_M = 0.25
 """Metres kept from an adult on top where only the height tells the distance; chosen by hand."""
+_TOWARDS_RAD = 0.3
+"""Off a direction, within which somebody is in it: they are half a metre wide. Chosen by hand."""
 _LEAST_HEIGHT_M = 0.9
 """Metres: a child that walks by itself; smaller ones are carried."""
 
@@ -150,6 +152,29 @@ class People:
             for person in self._known.values()
             if person.id == keep or t_s - person.seen_s <= _FORGOTTEN_AFTER_S
         }
+
+    def anybody_towards(
+        self, pose: Pose, bearing_rad: float, way_m: float, t_s: float, but: int | None
+    ) -> bool:
+        """Whether somebody is about in a direction, and nearer than so far.
+
+        Args:
+            pose: of the robot.
+            bearing_rad: from there.
+            way_m: how far.
+            t_s: the present.
+            but: who does not count.
+        """
+        for person in self._known.values():
+            ahead_m, left_m = pose.seen(*person.filter.place_at(t_s))
+            off_rad = math.remainder(math.atan2(left_m, ahead_m) - bearing_rad, 2 * math.pi)
+            if (
+                person.id != but
+                and abs(off_rad) < _TOWARDS_RAD
+                and math.hypot(ahead_m, left_m) < way_m
+            ):
+                return True
+        return False
 
     def _filtered(
         self, track_id: int, place: Place, width: LearnedWidth, t_s: float, motion: OwnMotion

@@ -100,6 +100,21 @@ class FollowerSettings(StrictSettings):
         description="out of sight for less, s: brake, and turn after the person; more "
         "searches later",
     )
+    ask_after_s: float = Field(
+        0.0,
+        ge=0,
+        le=600,
+        description="back in sight after as long, s: stand until a user chooses again. Where many "
+        "wear the same nothing else tells who went behind a wall from who comes out; 0: never",
+    )
+    trail_s: float = Field(
+        0.0,
+        ge=0,
+        le=20,
+        description="hidden behind a thing for less, s: drive on along the way the person took, "
+        "where ranges show it free. More follows through doors, and stands in the way of who comes "
+        "back; 0: never",
+    )
     search_s: float = Field(
         10.0,
         ge=0,

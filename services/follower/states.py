@@ -32,6 +32,7 @@ class Situation:
         unseen_s: since the person was last seen, infinite if never.
         searching_s: since the search began.
         looked_everywhere: whether the search has been everywhere.
+        on_way: whether the robot goes on, unseen, along the way that the person took.
         looks_around: whether to look for the first person, none being in view.
         undecided: which two the choice may mean, in words; "" once that is clear.
         proven: whether the target is known to be a person at all.
@@ -52,6 +53,7 @@ class Situation:
     unseen_s: float
     searching_s: float
     looked_everywhere: bool
+    on_way: bool = False
     looks_around: bool = False
     undecided: str = ""
     proven: bool = True
@@ -127,11 +129,16 @@ def following(now: Situation, settings: FollowerSettings) -> Step:
 
 
 def occluded(now: Situation, settings: FollowerSettings) -> Step:
-    """Out of sight since a moment: brake, and turn to where the person should be."""
+    """Out of sight since a moment: brake, and turn to where the person should be.
+
+    Who went behind a thing is gone after, as far as they were seen to walk.
+    """
     if now.sight == "clear":
         return "following", now.sight_reason
     if now.sight == "doubtful":
         return "unsure", now.sight_reason
+    if now.on_way:
+        return "occluded", "hidden behind a thing: along the way they took"
     if now.unseen_s <= settings.hold_s:
         return "occluded", now.sight_reason
     return searching(now, settings)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from heel.services.follower.clearance import BODY_M, Body, Room, Sectors, room_before_person_m
 from heel.services.follower.own_motion import Pose
 from heel.services.follower.people import People
@@ -33,8 +35,15 @@ _CURVE_S = 0.3
 _DETOURS_RAD = tuple(side * 0.1 * step for step in range(16) for side in (1, -1))
 """Off the straight way, the least first, up to a right angle; chosen by hand: at 1.5 m a tenth is
 half a robot's radius."""
+_HIDES_M = 0.1
+"""Metres; what is nearer than a person by more stands before them: ranges and boxes differ by so
+much. Chosen by hand."""
+_SAME_THING_M = 0.4
+"""Metres between two measurements of one thing: a sector of 10 degrees is so wide 2.3 m away.
+Chosen by hand."""
 _TARGETS_SPACE, _OTHERS_SPACE = "personal space", "somebody else is in the way"
 _OBSTACLE = "obstacle ahead"
+Place = tuple[float, float]
 
 
 class Surroundings:
@@ -45,6 +54,7 @@ class Surroundings:
         self._body = Body(settings.robot_radius_m, settings.obstacle_margin_m)
         self._sectors: Sectors | None = None
         self._arrived_s = -math.inf
+        self._things = np.zeros((2, 0))
 
     @property
     def body_m(self) -> float:
@@ -68,7 +78,7 @@ class Surroundings:
 
     def room(
         self, people: People, target_id: int | None, pose: Pose, now_s: float,
-        linear_mps: float, angular_radps: float, seen: bool,
+        linear_mps: float, angular_radps: float, seen: bool, on_way: bool = False,
     ) -> Room:  # fmt: skip
         """How far the robot may go ahead and back.
 
@@ -81,14 +91,17 @@ class Surroundings:
             angular_radps: how it turns.
             seen: whether the target is. Out of sight they may stand nearer than they would by now:
                 whatever ranges show in their direction is kept from as they are.
+            on_way: whether a thing is known to hide the target, so that ranges in their direction
+                show that.
         """
         ways = [(math.inf, "")]
         for person in people.known.values():
             place = pose.seen(*person.filter.place_at(now_s))
-            if person.by_height or not person.certain:
+            is_target = person.id == target_id
+            behind = is_target and on_way
+            if (person.by_height or not person.certain) and not behind:
                 place = self._something_towards(place, _LEAST_SHARE)
             velocity = person.velocity(pose, now_s)
-            is_target = person.id == target_id
             margin_m = _TARGET_MARGIN_M if is_target else _OTHERS_MARGIN_M
             space_m = self._settings.personal_space_m + margin_m + person.reserve_m
             whose = _TARGETS_SPACE if is_target else _OTHERS_SPACE
@@ -97,7 +110,7 @@ class Surroundings:
                 child = _as_child(place, velocity, person.least_share, linear_mps)
                 childs_m = _CHILDS_SHARE * self._settings.personal_space_m
                 ways.append((room_before_person_m(*child, childs_m), whose))
-            if is_target and not seen:
+            if is_target and not seen and not behind:
                 nearer = self._something_towards(place)
                 ways.append((room_before_person_m(nearer, velocity, space_m), whose))
         behind_m = math.inf
@@ -125,6 +138,45 @@ class Surroundings:
             return place
         share = (range_m + BODY_M) / distance_m
         return place[0] * share, place[1] * share
+
+    def is_free(self, bearing_rad: float, way_m: float) -> bool:
+        """Whether ranges show that the robot can drive so far straight in a direction."""
+        if self._sectors is None:
+            return False
+        return (self._sectors.free_m(self._body, bearing_rad) or 0.0) >= way_m
+
+    def is_blocked(self, bearing_rad: float, way_m: float) -> bool:
+        """Whether ranges show something within a straight way in a direction."""
+        if self._sectors is None:
+            return False
+        free_m = self._sectors.free_m(self._body, bearing_rad)
+        return free_m is not None and free_m < way_m
+
+    def note_things(self, pose: Pose) -> None:
+        """Take what ranges show now for things: the target is seen elsewhere."""
+        if self._sectors is not None:
+            ahead, left = self._sectors.points().T
+            cosine, sine = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+            self._things = np.stack(
+                [pose.x_m + cosine * ahead - sine * left, pose.y_m + sine * ahead + cosine * left]
+            )
+
+    def thing_hides(self, place: Place, pose: Pose) -> bool:
+        """Whether a thing stands before a place: one that has been noted, and is still measured.
+
+        What has come since may be the target, or anybody else.
+
+        Args:
+            place: metres ahead and to the left.
+            pose: of the robot.
+        """
+        distance_m, bearing_rad = math.hypot(*place), math.atan2(place[1], place[0])
+        range_m = None if self._sectors is None else self._sectors.towards_m(bearing_rad)
+        if range_m is None or range_m + BODY_M + _HIDES_M >= distance_m:
+            return False
+        x_m, y_m = pose.place(range_m, bearing_rad)
+        off_m = np.hypot(self._things[0] - x_m, self._things[1] - y_m)
+        return bool(off_m.min(initial=math.inf) < _SAME_THING_M)
 
     def detour_rad(self, bearing_rad: float, way_m: float, most_rad: float) -> float:
         """How far beside a direction to head, so that obstacles there are passed.

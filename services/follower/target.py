@@ -178,6 +178,11 @@ class TargetChoice:
         if self.pending is not None and self.pending.for_s(now_s) <= 0.0:
             self._set("none", None, "nobody found there: click on somebody again")
 
+    def ask_again(self, away_s: float) -> None:
+        """Nobody vouches for who is back after so long out of sight: a user has to."""
+        self._set("none", None, f"back after {away_s:.1f} s out of sight, or somebody alike: "
+                  "choose again")  # fmt: skip
+
     def interrupted(self) -> None:
         """Nothing fresh is seen: a person that stood before the robot has to do so anew."""
         self._imprinting.reset()

@@ -53,6 +53,25 @@ def test_a_chosen_person_in_sight_is_followed() -> None:
     assert command.linear_mps > 0.3
 
 
+@pytest.mark.parametrize(
+    ("away_s", "ask_after_s", "asks"), [(3.0, 2.0, True), (1.5, 2.0, False), (3.0, 0.0, False)]
+)
+def test_who_is_back_after_long_is_followed_once_a_user_has_chosen_again(
+    away_s: float, ask_after_s: float, asks: bool
+) -> None:
+    back = tracks(person(1, height=FAR))
+    made = following(back, ask_after_s=ask_after_s)
+    assert drive(made).state == "following"
+    drive(made, away_s, seen=tracks())
+    command = drive(made, seen=back)
+    assert (command.state == "idle") == asks
+    assert is_zero(command) == asks
+    assert ("choose again" in command.reason) == asks
+    assert (made.target.mode == "none") == asks
+    made.choose(TargetRequest(mode="id", track_id=1))
+    assert drive(made, seen=back).state == "following"
+
+
 def test_what_is_not_proven_to_be_a_person_is_only_turned_to() -> None:
     thing = tracks(person(1, x=500.0, height=FAR, proven=False, identity_confidence=0.5))
     made = following(thing)

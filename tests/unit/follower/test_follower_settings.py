@@ -36,6 +36,8 @@ VALUES: dict[str, dict[str, Any]] = {
     "confirm_s": {"confirm_s": 1.0},
     "coast_s": {"coast_s": 0.1},
     "hold_s": {"hold_s": 3.0},
+    "ask_after_s": {"ask_after_s": 1.0},
+    "trail_s": {"trail_s": 4.0},
     "search_s": {"search_s": 1.0},
     "search_radps": {"search_radps": 0.2},
     "imprint_s": {"target": "imprint", "imprint_s": 0.5},

@@ -24,6 +24,7 @@ HIDDEN = replace(CLEAR, sight="hidden", sight_reason="target occluded", clear_s=
 MISSED = replace(CLEAR, sight="missed", sight_reason="target missed", clear_s=0.0)
 GONE = replace(MISSED, unseen_s=1.5)
 LONG_SEARCHED = replace(GONE, unseen_s=12.0, searching_s=10.0)
+BEHIND_A_THING = replace(GONE, on_way=True)
 SEARCHED_ROUND = replace(GONE, unseen_s=5.0, searching_s=4.0, looked_everywhere=True)
 
 ALL: tuple[FollowStateName, ...] = (
@@ -47,6 +48,9 @@ ALL: tuple[FollowStateName, ...] = (
         ("following", HIDDEN, "occluded", "target occluded"),
         ("following", MISSED, "occluded", "target missed"),
         ("following", GONE, "searching", "looking where the target was last seen"),
+        ("following", BEHIND_A_THING, "occluded", "hidden behind a thing: along the way they took"),
+        ("occluded", BEHIND_A_THING, "occluded", "hidden behind a thing: along the way they took"),
+        ("unsure", BEHIND_A_THING, "searching", "looking where the target was last seen"),
         ("occluded", FRESHLY_CLEAR, "following", "target in sight"),
         ("occluded", DOUBTFUL, "unsure", "identity unsure"),
         ("occluded", HIDDEN, "occluded", "target occluded"),

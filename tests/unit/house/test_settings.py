@@ -18,7 +18,7 @@ from heel.services.runtime.settings import (
     known_tables,
 )
 
-MOST = 196
+MOST = 198
 MODELS = {
     **known_tables(),
     "zenoh": ZenohSettings,
