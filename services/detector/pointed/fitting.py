@@ -44,7 +44,7 @@ _LEAST_CUT = 0.2  # least length from the hip to the border of the picture that 
 
 _SIZES = np.exp(np.arange(-0.9, 0.61, 0.15))
 """Tried in the whole picture, of the size that the person had."""
-_LOWEST = 0.12  # least height that is tried at all, picture heights
+_LOWEST = 0.08  # least height tried at all, picture heights: 14 m away before 90 degrees
 _HIGHEST = 1.8  # largest height that is tried at all, picture heights
 _ROWS = 88  # of the views that are searched, pixels
 _MOST_PEAKS = 3  # places looked at of each size; chosen by hand

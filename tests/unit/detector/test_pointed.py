@@ -136,6 +136,23 @@ def test_after_a_time_out_of_sight_they_are_found_elsewhere() -> None:
     assert on_person(messages[-1], 100.0, 120.0)
 
 
+def test_who_has_gone_far_away_while_nobody_looked_is_found_again() -> None:
+    before, after = Detector(DetectorSettings()), Detector(DetectorSettings())
+    for seq in range(20):
+        point = pointed(240.0, 165.0) if seq == 0 else None
+        message = before.detect(frame_id(seq), seen(240.0, 90.0), (WIDTH, HEIGHT), None, point)
+    assert on_person(message, 240.0, 90.0)
+    left = before.snapshot()
+    assert left is not None
+    after.restore(left)
+    # A person of 1.75 m that is 9 m away, and then 11 m, before a lens of 90 degrees.
+    for first, height in ((60, 47.0), (120, 38.0)):
+        for seq in range(first, first + 10):
+            picture = seen(200.0, height)
+            message = after.detect(frame_id(seq), picture, (WIDTH, HEIGHT), None, None)
+        assert on_person(message, 200.0, height)
+
+
 def test_two_who_look_like_them_are_none() -> None:
     both = seen(100.0)
     draw(both, 380.0, 150.0)

@@ -561,9 +561,9 @@ def test_after_a_time_out_of_sight_it_is_found_at_half_the_size_and_more_than_on
     assert 0.85 < (sighting.box_xyxy[3] - sighting.box_xyxy[1]) / height < 1.15
 
 
-def test_smaller_than_an_eighth_of_the_picture_no_person_is_looked_for() -> None:
-    person = _known(height=84.0)
-    picture = seen(130.0, 36.0)
+def test_smaller_than_a_twelfth_of_the_picture_no_person_is_looked_for() -> None:
+    person = _known(height=60.0)
+    picture = seen(130.0, 24.0)
     assert not any(person.look(picture, _STILL, 0.05) for _ in range(3))
 
 
