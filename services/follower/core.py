@@ -49,6 +49,9 @@ _MAX_STEP_S = 0.2
 _SEARCH_SWEEP_RAD = 0.6
 """The search looks so far to either side of where the person should be; chosen by hand."""
 
+_SEARCHES: tuple[FollowStateName, ...] = ("following", "occluded", "unsure")
+"""States from which somebody who goes out of sight is looked for, so after a gap as well."""
+
 _WAY_M = 1.5
 """Way before the robot that obstacles are looked for on in time; chosen by hand."""
 _SLACK_M = 0.1
@@ -94,6 +97,7 @@ class Follower:
         self._manual = ManualDrive()
         self._forget_sight()
         self._name: FollowStateName = "idle"
+        self._unsought = False
         self._since_s = 0.0
         self._now_s: float | None = None
         self._seq = first_seq
@@ -373,7 +377,7 @@ class Follower:
         self._goes_after = False
         self._picture.restart()
         self._around = self._asked_s = None
-        self._name = "idle"
+        self._name, self._unsought = "idle", False
 
     def _forget_sight(self) -> None:
         self._seen_s = -math.inf
@@ -427,6 +431,9 @@ class Follower:
         elif self._clear_since_s is None:
             self._clear_since_s = self._tracks_s
         since_s = self._clear_since_s
+        stale = None if tracks_age_s is None else self._freshness.judge(now_s, tracks_age_s)
+        if stale is not None and self._name in _SEARCHES:
+            self._unsought = True
         return Situation(
             estop=self._estop,
             unreadable=self._sensors.trouble(now_s),
@@ -446,8 +453,9 @@ class Follower:
             looks_around=self._looks_around(now_s),
             undecided=target.reason if self._choice.provisional is not None else "",
             proven=proven,
-            stale=None if tracks_age_s is None else self._freshness.judge(now_s, tracks_age_s),
+            stale=stale,
             frozen=self._picture.frozen,
+            unsought=self._unsought,
         )
 
     def _sight(self) -> tuple[Sight, str]:
@@ -481,6 +489,8 @@ class Follower:
     def _enter(self, name: FollowStateName, now_s: float) -> None:
         if name != self._name:
             self._name, self._since_s, self._search = name, now_s, None
+        if name != "lost":
+            self._unsought = False
         if name != "searching" or self._search is not None:
             return
         pose = self._motion.pose

@@ -39,6 +39,7 @@ class Situation:
         unreadable: which sensor speaks and cannot be read, in words; "" if none.
         stale: why nothing may rest on the tracks, None if they are fresh.
         frozen: whether the picture stands still although the robot moved.
+        unsought: whether stale tracks ended the following, and nobody has looked for it since.
     """
 
     estop: bool
@@ -60,6 +61,7 @@ class Situation:
     unreadable: str = ""
     stale: str | None = None
     frozen: bool = False
+    unsought: bool = False
 
 
 def next_state(present: FollowStateName, now: Situation, settings: FollowerSettings) -> Step:
@@ -170,6 +172,8 @@ def lost(now: Situation, settings: FollowerSettings) -> Step:
     """Gone: wait, however long it takes, for the same person and no other."""
     if now.sight in ("clear", "doubtful"):
         return acquiring(now, settings)
+    if now.unsought and now.unseen_s > settings.hold_s and not now.looked_everywhere:
+        return searching(now, settings)
     return "lost", "target lost"
 
 

@@ -228,12 +228,43 @@ def test_stops_when_tracks_are_stale(age_s: float) -> None:
     assert "older than 0.3 s" in command.reason
 
 
+def gap(made: Follower, seconds: float = 2.0) -> None:
+    """No tracks come for so long."""
+    start_s = 10.0 if made._now_s is None else made._now_s
+    for i in range(round(50 * seconds)):
+        made.step(start_s + i * 0.02, i * 0.02)
+
+
+def test_who_is_gone_after_a_gap_is_looked_for_once_and_then_waited_for() -> None:
+    made = following(tracks(person(1, x=250, height=FAR)), search_s=3.0)
+    assert drive(made).state == "following"
+    gap(made)
+    assert made.state.reason.startswith("tracks are older")
+    gone = tracks(person(2, x=600))
+    drive(made, 0.5, seen=gone)
+    assert (made.state.state, made.state.angular_radps > 0) == ("searching", True)
+    assert is_zero(drive(made, 3.0, seen=gone))
+    assert (made.state.state, made.target.track_id) == ("lost", 1)
+    gap(made)
+    drive(made, 2.0, seen=gone)
+    assert (made.state.state, made.state.angular_radps) == ("lost", 0.0)
+
+
+def test_who_is_gone_after_a_gap_is_not_looked_for_once_the_robot_was_stopped() -> None:
+    made = following(tracks(person(1, x=250, height=FAR)), search_s=3.0)
+    drive(made)
+    gap(made)
+    made.set_estop(True)
+    drive(made, 0.1, seen=tracks())
+    made.set_estop(False)
+    drive(made, 2.0, seen=tracks())
+    assert (made.state.state, made.state.angular_radps) == ("lost", 0.0)
+
+
 def test_who_is_in_sight_after_a_gap_is_made_sure_of_as_anybody_who_is_back() -> None:
     made = following(confirm_s=1.0, max_tracks_age_s=0.3)
     assert drive(made).state == "following"
-    gone_s = 10.0 if made._now_s is None else made._now_s
-    for i in range(100):
-        made.step(gone_s + i * 0.02, i * 0.02)
+    gap(made)
     states = [drive(made, 0.0).state for _ in range(60)]
     assert made.state.state == "following"
     assert 1.0 <= 0.02 * states.index("following") <= 1.1

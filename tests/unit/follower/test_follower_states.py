@@ -23,6 +23,7 @@ DOUBTFUL = replace(CLEAR, sight="doubtful", sight_reason="identity unsure", clea
 HIDDEN = replace(CLEAR, sight="hidden", sight_reason="target occluded", clear_s=0.0)
 MISSED = replace(CLEAR, sight="missed", sight_reason="target missed", clear_s=0.0)
 GONE = replace(MISSED, unseen_s=1.5)
+UNSOUGHT = replace(GONE, unsought=True)
 LONG_SEARCHED = replace(GONE, unseen_s=12.0, searching_s=10.0)
 BEHIND_A_THING = replace(GONE, on_way=True)
 SEARCHED_ROUND = replace(GONE, unseen_s=5.0, searching_s=4.0, looked_everywhere=True)
@@ -69,6 +70,10 @@ ALL: tuple[FollowStateName, ...] = (
         ("lost", DOUBTFUL, "unsure", "identity unsure"),
         ("lost", MISSED, "lost", "target lost"),
         ("lost", replace(GONE, unseen_s=1e6), "lost", "target lost"),
+        ("lost", UNSOUGHT, "searching", "looking where the target was last seen"),
+        ("lost", replace(MISSED, unsought=True), "lost", "target lost"),
+        ("lost", replace(SEARCHED_ROUND, unsought=True), "lost", "target lost"),
+        ("lost", replace(FRESHLY_CLEAR, unsought=True), "acquiring", "making sure"),
         ("stopped", FRESHLY_CLEAR, "acquiring", "making sure"),
         ("stopped", GONE, "lost", "target lost"),
     ],
