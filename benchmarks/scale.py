@@ -129,12 +129,10 @@ def started(
                     "HEEL_RUNTIME_DIR": str(folder)}  # fmt: skip
     running: dict[tuple[str, str], subprocess.Popen[bytes]] = {}
     try:
-        for number, name in enumerate(names):
+        for name in names:
             own = [word for flag in named_by for word in (flag, name)]
             for service in services:
-                flags = [f"{SCENE}?seed={number + 1}", "--loop", "--fps", f"{fps:g}"] if (
-                    service == "capture"
-                ) else []  # fmt: skip
+                flags = [SCENE, "--loop", "--fps", f"{fps:g}"] if service == "capture" else []
                 with (folder / f"{service}-{name}.log").open("wb") as log:
                     running[service, name] = subprocess.Popen(
                         [sys.executable, "-P", "-m", f"heel.services.{service}", *flags, *own,
@@ -253,6 +251,17 @@ def _pss_mb(pid: int) -> float:
     return 0.0
 
 
+def pass_s() -> float:
+    """Length of the scene [s].
+
+    People come and go in it, and the tracker's time for a frame with them: by a factor of ten over
+    the scene. What is measured for a part of it is the part.
+    """
+    with open_source(SCENE) as source:
+        assert source.frame_count is not None
+        return source.frame_count / source.fps
+
+
 def table(kind: Kind, costs: list[Cost]) -> str:
     """One row for each number of cameras or robots."""
     services = ["router", *(PER_CAMERA if kind == "cameras" else PER_ROBOT)]
@@ -304,18 +313,19 @@ def beyond(camera: Cost, robot: Cost) -> str:
 
 @app.command()
 def main(
-    seconds: Annotated[float, typer.Option(help="of each measurement")] = 12.0,
+    passes: Annotated[int, typer.Option(help="of the scene in each measurement", min=1)] = 1,
     fps: Annotated[float, typer.Option(help="of every camera, so that four are kept up with")] = 8,
     most: Annotated[int, typer.Option(help="cameras and robots at most: 1, 2, 4, ...")] = 4,
     write: Write = None,
 ) -> None:
     """Print a table for cameras, one for robots, and what that means for more machines."""
     counts = [count for count in (1, 2, 4, 8) if count <= most]
+    seconds = passes * pass_s()
     by_camera = [measure("cameras", count, fps, seconds) for count in counts]
     by_robot = [measure("robots", count, fps, seconds) for count in counts]
     text = "\n\n".join([
         f"{len(os.sched_getaffinity(0))} cores, `{SCENE}` at 640x480 and {fps:g} frames/s, "
-        f"{seconds:g} s each, standing background.",
+        f"{seconds:.1f} s each ({passes} of the scene), standing background.",
         table("cameras", by_camera), table("robots", by_robot),
         beyond(by_camera[0], by_robot[0]),
     ])  # fmt: skip
