@@ -71,10 +71,19 @@ class Ledger:
         self._claim({name for name, size in self._open().items() if size == size_bytes})
 
     def close(self) -> None:
-        """Delete this process's ledger if nothing of what it lists is left."""
-        if self._file is not None and not any((self._folder / name).exists() for name in self._own):
-            with suppress(OSError):
-                self._file.unlink()
+        """Delete this process's ledger if nothing of what it lists is left, or leave it to others.
+
+        The lock goes before that is looked at: who deletes the last segment either finds the ledger
+        to be of nobody, or has deleted it before this process looks.
+        """
+        if self._file is None:
+            return
+        file, self._file = self._file, None
+        names, self._own = self._own, set()
+        with suppress(OSError):
+            os.close(self._descriptor)
+            if not any((self._folder / name).exists() for name in names):
+                file.unlink()
 
     def _claim(self, names: set[str]) -> None:
         if names <= self._own:

@@ -21,6 +21,7 @@ from heel.services.runtime.shared_memory import (
     SharedMemoryWatch,
     Sweeper,
     full_share,
+    remove_own_segments,
     unlock_nameless,
 )
 from tests.support.network import DEADLINE_S
@@ -131,6 +132,20 @@ def test_a_ledger_is_locked_from_its_first_moment(tmp_path: Path) -> None:
     (written,) = tmp_path.glob("*.ledger")
     with written.open("rb") as file, pytest.raises(BlockingIOError):
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_a_ledger_goes_with_the_last_that_maps_its_memory_though_its_process_still_ends(
+    tmp_path: Path,
+) -> None:
+    ledger, segment = Ledger(tmp_path), tmp_path / "1.zenoh"
+    with ledger.claiming(), segment.open("w+b") as file:
+        file.truncate(POOL_BYTES)
+        ledger.claim_by_size(POOL_BYTES)
+    ledger.close()
+    assert list(tmp_path.glob("*.ledger")), "its memory is still there, mapped by another"
+    segment.unlink()
+    remove_own_segments(tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_segments_without_a_name_are_not_locked_any_more(tmp_path: Path) -> None:
