@@ -46,22 +46,29 @@ def score(
     ] = None,
 ) -> None:
     """Score TRACKS against GT: MOTA, MOTP, IDF1, HOTA, switches, keep%, wrong%, Dice."""
-    from rich.console import Console
-
-    from heel.evaluation.sequence_scores import (
-        find_pairs,
-        load_sequence,
-        score_sequence,
-        scores_json,
-        scores_table,
-    )
+    from heel.evaluation.sequence_scores import find_pairs
 
     if returns and plot is not None:
         raise typer.BadParameter("it draws no absences: leave --returns or --plot out")
     pairs = find_pairs(ground_truth, tracks)
     if returns:
         _print_returns(pairs, iou, flags, fps, as_json)
-        return
+    else:
+        _print_scores(pairs, iou, flags, plot, as_json)
+
+
+def _print_scores(
+    pairs: Sequence[tuple[Path, Path]], iou: float, flags: Flags, plot: Path | None, as_json: bool
+) -> None:
+    from rich.console import Console
+
+    from heel.evaluation.sequence_scores import (
+        load_sequence,
+        score_sequence,
+        scores_json,
+        scores_table,
+    )
+
     scores = []
     for truth, output in pairs:
         sequence = load_sequence(truth, output, iou_threshold=iou, flags=flags)
