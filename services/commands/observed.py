@@ -5,7 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from heel.schemas import EndOfStream, FollowState, Health, MessageError, Tracks, decode, keys
+from heel.schemas import (
+    DriveState,
+    EndOfStream,
+    FollowState,
+    Health,
+    MessageError,
+    Tracks,
+    decode,
+    keys,
+)
 from heel.services.commands.robot import Where
 from heel.services.runtime.chain import Problem
 from heel.services.runtime.logs import printable
@@ -14,7 +23,8 @@ from heel.services.runtime.robots import RobotWatch
 if TYPE_CHECKING:
     from heel.services.runtime.inbox import Arrival
 
-TOPICS = {"health": keys.ALL_HEALTH, "tracks": keys.ALL_TRACKS, "state": keys.FOLLOW_STATE}
+TOPICS = {"health": keys.ALL_HEALTH, "tracks": keys.ALL_TRACKS, "state": keys.FOLLOW_STATE,
+          "drive": keys.ROBOT_DRIVE}  # fmt: skip
 """What is listened to, beside liveliness tokens."""
 _MOST_UNREADABLE = 5
 """Unreadable messages that are told of; chosen by hand."""
@@ -34,6 +44,10 @@ class Observed(RobotWatch):
         except MessageError as error:
             self.note_unreadable(arrival.key, error)
 
+    def take_state(self, state: FollowState, now_s: float) -> None:
+        """The follower has told its state, or answered with it."""
+        self.state, self.state_s = state, now_s
+
     def note_unreadable(self, key: str, error: Exception) -> None:
         """Remember the first few of what cannot be read."""
         if len(self.unreadable) < _MOST_UNREADABLE:
@@ -50,8 +64,10 @@ class Observed(RobotWatch):
         elif arrival.topic == "health":
             self.watch.hear(decode(Health, arrival.payload, arrival.encoding), now_s)
         elif arrival.topic == "state":
-            self.state = decode(FollowState, arrival.payload, arrival.encoding)
-            self.state_s = now_s
+            self.take_state(decode(FollowState, arrival.payload, arrival.encoding), now_s)
+        elif arrival.topic == "drive":
+            self.drive = decode(DriveState, arrival.payload, arrival.encoding)
+            self.drive_s = now_s
         elif arrival.encoding != EndOfStream.encoding():
             self.tracks = decode(Tracks, arrival.payload, arrival.encoding)
 
@@ -60,11 +76,11 @@ class Observed(RobotWatch):
         # Of a run it is known that its parts did run.
         return self.lacks(where.expected, now_s, where.stack if where.run is None else ())
 
-    @property
-    def people(self) -> list[dict[str, Any]]:
+    def people(self, now_s: float) -> list[dict[str, Any]]:
         """People that can be chosen: the shown tracks; a distance where one is known."""
         tracks = () if self.tracks is None else self.tracks.tracks
-        target = None if self.state is None else self.state.target.track_id
+        follower = self.state_now(now_s)
+        target = None if follower is None else follower.target.track_id
         return [
             {
                 "id": track.id,
@@ -72,8 +88,8 @@ class Observed(RobotWatch):
                 "confidence": round(track.identity_confidence, 2),
                 # The tracker's own, where it measures; of its target the follower's estimate.
                 "distance_m": track.distance_m
-                if self.state is None or track.id != target
-                else self.state.distance_m,
+                if follower is None or track.id != target
+                else follower.distance_m,
             }
             for track in tracks if track.shown
         ]  # fmt: skip

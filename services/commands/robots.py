@@ -139,12 +139,12 @@ def _line(name: str, row: RobotRow) -> tuple[str, ...]:
     lacks = ", ".join(dict.fromkeys(problem.part for problem in problems))
     doing = f"lacks {lacks}" if problems else ("-" if state is None else state.state)
     rate = "-" if row.frames_per_s is None else f"{row.frames_per_s:.1f}"
-    page = row.page or "-"
+    page, stop = row.page or "-", row.stops.short
     if state is None:
-        return name, doing, "-", "-", "-", "-", rate, "-", page
+        return name, doing, "-", "-", stop, "-", rate, "-", page
     sure = "-" if state.identity_confidence is None else f"{state.identity_confidence:.0%}"
     age = "-" if state.tracks_age_s is None else f"{1e3 * state.tracks_age_s:.0f}"
-    return (name, doing, whom(state.target), sure, "STOP" if state.estop else "no",
+    return (name, doing, whom(state.target), sure, stop,
             f"{state.linear_mps:.2f}", rate, age, page)  # fmt: skip
 
 
@@ -165,9 +165,9 @@ def as_json(heard: list[RobotsOf], now_s: float) -> dict[str, Any]:
 
 
 def is_wrong(heard: list[RobotsOf], now_s: float) -> bool:
-    """Whether any robot lacks anything, or any router is away."""
+    """Whether any robot lacks anything, drive and follower differ, or any router is away."""
     return any(one.problem for one in heard) or any(
-        row.problems for one in heard for _, row in one.rows(now_s)
+        row.problems or row.stops.differ for one in heard for _, row in one.rows(now_s)
     )
 
 

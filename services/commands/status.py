@@ -78,13 +78,14 @@ def status(
         )
     rows = heard.watch.rows(now_s)
     if as_json:
-        typer.echo(json.dumps(_as_json(heard, where, rows, problems), indent=2))
+        typer.echo(json.dumps(_as_json(heard, where, rows, problems, now_s), indent=2))
     else:
-        for line in lines(heard, where, rows, problems):
+        for line in lines(heard, where, rows, problems, now_s):
             typer.echo(line)
         for line in heard.unreadable:
             typer.echo(line, err=True)
-    if problems or any(fails(part.health) for part, state in rows if state == "ok"):
+    failing = any(fails(part.health) for part, state in rows if state == "ok")
+    if problems or failing or heard.stops(now_s).differ:
         raise typer.Exit(1)
 
 
@@ -94,7 +95,8 @@ def _ask_for_state(bus: Listening, heard: Observed) -> None:
     except HeelError as error:
         heard.note_unreadable(keys.FOLLOW_STATE, error)
     else:
-        heard.state = state if isinstance(state, FollowState) else None
+        if isinstance(state, FollowState):
+            heard.take_state(state, time.monotonic())
 
 
 def _watch(bus: Listening, heard: Observed, as_json: bool) -> None:
@@ -109,14 +111,17 @@ def _watch(bus: Listening, heard: Observed, as_json: bool) -> None:
             next_s = now_s + _WATCH_S
             rows, problems = heard.watch.rows(now_s), heard.problems(bus.where, now_s)
             if as_json:
-                screen.show([json.dumps(_as_json(heard, bus.where, rows, problems))])
+                screen.show([json.dumps(_as_json(heard, bus.where, rows, problems, now_s))])
             else:
-                screen.show([*bus.away_lines(now_s), *lines(heard, bus.where, rows, problems)])
+                told = lines(heard, bus.where, rows, problems, now_s)
+                screen.show([*bus.away_lines(now_s), *told])
 
 
 def _as_json(
-    heard: Observed, where: Where, rows: list[tuple[Part, PartState]], problems: list[Problem]
-) -> dict[str, Any]:
+    heard: Observed, where: Where, rows: list[tuple[Part, PartState]], problems: list[Problem],
+    now_s: float,
+) -> dict[str, Any]:  # fmt: skip
+    follower, drive = heard.state_now(now_s), heard.drive_now(now_s)
     return {
         "router": where.router,
         "run": None if where.run is None else where.run.model_dump(mode="json"),
@@ -125,14 +130,16 @@ def _as_json(
         "services": [
             {"heard": state} | part.health.model_dump(mode="json") for part, state in rows
         ],
-        "follower": None if heard.state is None else heard.state.model_dump(mode="json"),
-        "people": heard.people,
-    }
+        "follower": None if follower is None else follower.model_dump(mode="json"),
+        "drive": None if drive is None else drive.model_dump(mode="json"),
+        "people": heard.people(now_s),
+    } | heard.stops(now_s).as_json()
 
 
 def lines(
-    heard: Observed, where: Where, rows: list[tuple[Part, PartState]], problems: list[Problem]
-) -> list[str]:
+    heard: Observed, where: Where, rows: list[tuple[Part, PartState]], problems: list[Problem],
+    now_s: float,
+) -> list[str]:  # fmt: skip
     """All that was heard, as lines for a user. Services' own texts are shown as they are."""
     told = [f"router {where.router}{_run_of(where)}"]
     if heard.page is not None:
@@ -155,7 +162,7 @@ def lines(
     ]
     if heard.watch.unlisted:
         told.append(f"{heard.watch.unlisted} further senders of health are not listed")
-    return told + follower_lines(heard)
+    return told + doing_lines(heard, now_s)
 
 
 def _run_of(where: Where) -> str:
@@ -174,15 +181,18 @@ def _versions(heard: Observed) -> list[str]:
     return [f"versions: {told}; here {software_version()}: install one version everywhere"]
 
 
-def follower_lines(heard: Observed) -> list[str]:
-    """What the follower does, and who is in sight."""
-    told = []
-    if heard.state is not None:
-        state = printable(f"{heard.state.state} ({heard.state.reason})")
-        told.append(f"follower: {state}, target {shown(heard.state.target)}")
-        told.append(f"follower: {facts(heard.state)}")
+def doing_lines(heard: Observed, now_s: float) -> list[str]:
+    """Whether the robot is stopped, what follower and drive do, and who is in sight."""
+    stops, follower, drive = heard.stops(now_s), heard.state_now(now_s), heard.drive_now(now_s)
+    told = [stops.words] if stops.words else []
+    if follower is not None:
+        state = printable(f"{follower.state} ({follower.reason})")
+        told.append(f"follower: {state}, target {shown(follower.target)}")
+        told.append(f"follower: {facts(follower)}")
+    if drive is not None:
+        told.append(f"drive: {printable(f'{drive.state} ({drive.reason})')}")
     if heard.tracks is not None:
-        told.append(sight(heard.people))
+        told.append(sight(heard.people(now_s)))
     return told
 
 

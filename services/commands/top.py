@@ -16,7 +16,7 @@ from heel.services.commands.columns import aligned
 from heel.services.commands.observed import TOPICS, Observed
 from heel.services.commands.robot import RobotFlags, for_robot
 from heel.services.commands.screen import Screen
-from heel.services.commands.status import follower_lines
+from heel.services.commands.status import doing_lines
 from heel.services.runtime.chain import Part, PartState, describe
 from heel.services.runtime.logs import printable
 
@@ -114,13 +114,14 @@ def top(
                     screen.show([json.dumps(
                         {"t": time.time(), "problems": describe(problems),
                          "services": [_as_json(part, state, use) for part, state in rows]}
+                        | heard.stops(now_s).as_json()
                     )])  # fmt: skip
                 else:
                     told = [printable(problem.words) for problem in problems]
                     screen.show([
                         f"{time.strftime('%H:%M:%S')}  router {bus.where.router}",
-                        *bus.away_lines(now_s), *table(rows, use), *told, *follower_lines(heard),
-                        *([] if screen.in_place else [""]),
+                        *bus.away_lines(now_s), *table(rows, use), *told,
+                        *doing_lines(heard, now_s), *([] if screen.in_place else [""]),
                     ])  # fmt: skip
                 shown += 1
                 if shown == count:

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from heel.schemas import Health
 from heel.schemas.errors import HeelError, SettingsError
+from heel.services.runtime.stops import HOLDS, STOP_DETAIL
 
 ADDRESS = "127.0.0.1"
 
@@ -56,6 +57,10 @@ def figures(health: Health) -> list[Figure]:
     }
     if h.input_age_s is not None:
         gauges["heel_input_age_seconds"] = ("since the last good input", h.input_age_s)
+    if STOP_DETAIL in h.details:
+        gauges["heel_emergency_stop"] = (
+            "1 while the emergency stop holds here", float(h.details[STOP_DETAIL] == HOLDS)
+        )  # fmt: skip
     quantiles = {
         "heel_busy_seconds": (
             "time spent on one input", (h.busy_ms_p50, h.busy_ms_p95, h.busy_ms_p99)

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from heel.schemas import FollowState, Health, Target, decode, keys
+from heel.schemas import DriveState, FollowState, Health, Target, decode, keys
 from heel.services.runtime.chain import (
     CERTIFICATE,
     CHAIN,
@@ -24,6 +24,7 @@ from heel.services.runtime.chain import (
     page_of,
 )
 from heel.services.runtime.logs import printable
+from heel.services.runtime.stops import HOLDS, STOP_DETAIL, Stops
 
 if TYPE_CHECKING:
     import zenoh
@@ -44,7 +45,8 @@ _MOST_ROBOTS = 256
 _LONGEST_NAME = 128
 """Characters of a robot's name, as of the setting."""
 _STATE_HOLDS_S = 2.0
-"""Age up to which a follower's state is told [s]; it sends five a second. Chosen by hand."""
+"""Age up to which a state is told [s]; a follower sends five a second, a drive fifty. Chosen by
+hand."""
 _FIRST_WORD_S = 2.0
 """Seconds until a robot that is expected has to be heard: eight messages of health. Chosen by
 hand."""
@@ -58,6 +60,10 @@ class RobotWatch:
     state: FollowState | None = None
     """The follower's newest."""
     state_s: float = float("-inf")
+    """When it came, monotonic."""
+    drive: DriveState | None = None
+    """The drive's newest, where it is listened to."""
+    drive_s: float = float("-inf")
     """When it came, monotonic."""
 
     @property
@@ -84,6 +90,34 @@ class RobotWatch:
             replace(one, words=f"{one.part}: not running, and the robot's stack has it")
             if one.part in stack else one
             for one in self.watch.missing(wanted, now_s)
+        ]  # fmt: skip
+
+    def state_now(self, now_s: float) -> FollowState | None:
+        """The follower's state; None where its newest is too old to tell anything."""
+        return self.state if now_s - self.state_s < _STATE_HOLDS_S else None
+
+    def drive_now(self, now_s: float) -> DriveState | None:
+        """The drive's state; None where its newest is too old to tell anything."""
+        return self.drive if now_s - self.drive_s < _STATE_HOLDS_S else None
+
+    def stops(self, now_s: float) -> Stops:
+        """Whether drive and follower say that the emergency stop holds."""
+        drive, follower = self.drive_now(now_s), self.state_now(now_s)
+        drives = self._stops_of("drive", now_s)
+        followers = self._stops_of("follower", now_s)
+        # One's own message is the newer one; of several, health alone tells which it is of.
+        if drive is not None and len(drives) < 2:
+            drives = [drive.estop]
+        if follower is not None and len(followers) < 2:
+            followers = [follower.estop]
+        return Stops(all(drives) if drives else None, all(followers) if followers else None)
+
+    def _stops_of(self, service: str, now_s: float) -> list[bool]:
+        return [
+            part.health.details[STOP_DETAIL] == HOLDS
+            for part, state in self.watch.rows(now_s)
+            if part.health.service == service and state == "ok" and not part.stands_by
+            and STOP_DETAIL in part.health.details
         ]  # fmt: skip
 
     def heard_s(self) -> float | None:
@@ -177,7 +211,8 @@ class Robots:
         ]  # fmt: skip
         return RobotRow(
             name=name,
-            state=robot.state if now_s - robot.state_s < _STATE_HOLDS_S else None,
+            state=robot.state_now(now_s),
+            stops=robot.stops(now_s),
             frames_per_s=rates[0] if rates else None,
             page=_page_of(parts),
             heard_age_s=None if heard_s is None else max(0.0, now_s - heard_s),
@@ -196,6 +231,7 @@ class RobotRow:
     Attributes:
         name: before its keys; empty where it has none.
         state: of its follower; None: it says nothing at present.
+        stops: whether the emergency stop holds, by drive and follower.
         frames_per_s: that are tracked; None: nobody says so.
         page: address of its live page.
         heard_age_s: since any part of it was heard; None: never.
@@ -205,6 +241,7 @@ class RobotRow:
 
     name: str
     state: FollowState | None
+    stops: Stops
     frames_per_s: float | None
     page: str | None
     heard_age_s: float | None
@@ -221,7 +258,7 @@ class RobotRow:
             "heard_age_s": None if self.heard_age_s is None else round(self.heard_age_s, 1),
             "problems": describe(self.problems),
             "notes": [printable(one) for one in self.notes],
-        }
+        } | self.stops.as_json()
         state = self.state
         if state is None:
             return found
@@ -229,7 +266,6 @@ class RobotRow:
             "state": state.state,
             "reason": printable(state.reason),
             "target": whom(state.target),
-            "estop": state.estop,
             "identity_confidence": state.identity_confidence,
             "distance_m": state.distance_m,
             "linear_mps": state.linear_mps,

@@ -17,6 +17,7 @@ from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import ServiceContext
 from heel.services.runtime.settings import ServiceSettings
 from heel.services.runtime.stop_latch import StopLatch
+from heel.services.runtime.stops import HOLDS, HOLDS_NOT, STOP_DETAIL
 
 _ASK_PERIOD_S = 1.0
 """Seconds between two questions to the others that obey the stop; chosen by hand."""
@@ -62,6 +63,7 @@ class StopKeeper:
         self._others = LatchedAnswers(context.session, keys.FOLLOW_ESTOP, EStop, _ASK_PERIOD_S)
         self._file = self._place()
         self._saved: EStop | None = None
+        self._tell()
 
     @property
     def engaged(self) -> bool:
@@ -145,7 +147,12 @@ class StopKeeper:
         assert told is not None
         self._answered.keep(told)
         self._obey(self._latch.engaged)
+        self._tell()
         self._context.log.warning("e-stop %s by %s", what, told.source)
+
+    def _tell(self) -> None:
+        # In health, too: who looks after many robots hears no drive's 50 messages a second.
+        self._context.statistics.detail(STOP_DETAIL, HOLDS if self.engaged else HOLDS_NOT)
 
     def _place(self) -> Path | None:
         if self._context.settings.delivery != "live":

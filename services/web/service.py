@@ -215,7 +215,7 @@ class WebService:
             self._show(self._joiner.add_tracks(received.message, received.stamp.origin))
 
     def _take_state(self, state: FollowState) -> None:
-        self._board.follower = state
+        self._board.follow(state, time.monotonic())
         self._control.robot_says("follower", state.estop)
 
     def _show(self, frames: list[Joined]) -> None:
@@ -272,9 +272,7 @@ class WebService:
         status["problems"] = describe_problems(self._problems(now_s))
         status["own"] = self._context.producer
         stop = self._control.stop_status(now_s)
-        follower = self._board.follower
-        engaged = stop["engaged"] or (follower is not None and follower.estop)
-        status["stop"] = stop | self._board.stop(engaged, now_s)
+        status["stop"] = stop | self._board.stop(stop["engaged"], now_s)
         status["web"] = {
             "rate_in_hz": round(rate_in_hz, 1),
             "rate_out_hz": round(rate_out_hz, 1),

@@ -27,6 +27,8 @@ _KEPT_EVENTS = 64
 """Events of all identities that are kept, for a target that is chosen later; chosen by hand."""
 _TOLD_EVENTS = 4
 """Sentences about the target that the page shows, the newest first; chosen by hand."""
+_FOLLOWER_SILENT_S = 1.0
+"""Seconds that a word of the follower counts as a confirmation; it says five a second."""
 _DRIVE_SILENT_S = 0.5
 """Seconds that a word of the drive counts; it says 50 a second."""
 _FORGET_AFTER_S = 60.0
@@ -59,6 +61,7 @@ class StatusBoard:
         """The parts that are there."""
         self.follower: FollowState | None = None
         """The follower's last word."""
+        self._follower_s = float("-inf")
 
     def image(self, header: Header, now_s: float) -> None:
         """A picture arrived; if it is of another epoch the stream has begun anew."""
@@ -78,6 +81,10 @@ class StatusBoard:
     def has_ended(self) -> bool:
         """Whether the stream shown has ended."""
         return self._ended is not None
+
+    def follow(self, state: FollowState, now_s: float) -> None:
+        """The follower told its state."""
+        self.follower, self._follower_s = state, now_s
 
     def command(self, command: MotionCommand, now_s: float) -> None:
         """A motion command went by."""
@@ -128,7 +135,9 @@ class StatusBoard:
         if self._drive is not None:
             state, heard_s = self._drive
             return "drive" if state.estop and now_s - heard_s < _DRIVE_SILENT_S else None
-        return "follower" if self.follower is not None and self.follower.estop else None
+        fresh = now_s - self._follower_s < _FOLLOWER_SILENT_S
+        stands = self.follower is not None and self.follower.estop
+        return "follower" if stands and fresh else None
 
     def compose(self, now_s: float) -> dict[str, Any]:
         """The status of this moment; times are monotonic seconds."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import zenoh
 
-from heel.schemas import DriveState, FollowState, Health, Target, encode, keys
+from heel.schemas import DriveState, EStop, FollowState, Health, Target, encode, keys
 from heel.services.runtime.chain import CHAIN
 from tests.support.network import client, router, wait_until
 from tests.support.processes import Running
@@ -200,6 +200,24 @@ def test_a_stop_tells_what_became_of_it(page: Opened) -> None:
     shows(chrome, "stop", "STOPPED")
     shows(chrome, "stop-note", "the wheels stand")
     assert "STOP was sent" not in text(chrome, "banners")
+
+
+def test_what_a_follower_said_before_it_died_keeps_no_stop(page: Opened) -> None:
+    chrome, _, parts = page
+    stop = EStop(engaged=True, source="test", id="0123456789abcdef", t_ns=1)
+    parts.put(keys.FOLLOW_ESTOP, stop)
+    parts.state = parts.state.model_copy(update={"estop": True, "state": "stopped"})
+    parts.drive_stops = True
+    shows(chrome, "stop", "STOPPED")
+    parts.die("follower")
+    shows(chrome, "banners", "follower: gone")
+    parts.drive_stops = False
+    # As `heel resume --without-follower` does.
+    parts.put(keys.FOLLOW_ESTOP, stop.model_copy(update={"engaged": False}))
+    shows(chrome, "stop-note", "or press Esc")
+    parts.state = parts.state.model_copy(update={"estop": False, "state": "following"})
+    parts.come_back("follower")
+    wait_until(lambda: text(chrome, "banners") == "", "well again")
 
 
 def test_all_is_grey_while_the_web_service_hangs(

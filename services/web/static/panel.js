@@ -63,7 +63,7 @@ export class Panel {
   }
 
   get stopped() {
-    return Boolean(this.status?.stop.engaged || this.status?.follower?.estop);
+    return Boolean(this.status?.stop.engaged);
   }
 
   /** STOP was pressed here, and not yet taken by the service. */

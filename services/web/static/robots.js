@@ -36,7 +36,11 @@ function pageOf(robot) {
 }
 
 function pill(robot) {
-  if (robot.estop) return made("span", "pill", "STOP", "bad");
+  const { drive, follower } = robot.estop_of;
+  if (robot.estop) {
+    const apart = drive !== null && follower !== null && drive !== follower;
+    return made("span", "pill", apart ? `STOP: ${drive ? "drive" : "follower"} only` : "STOP", "bad");
+  }
   if (robot.problems.length) return made("span", "pill", "lacks something", "bad");
   return made("span", "pill", robot.state ?? "says nothing", TONES[robot.state]);
 }

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from heel.schemas import FollowState, Health, Target, Track, Tracks
+from heel.schemas import DriveState, FollowState, Health, Target, Track, Tracks
 from heel.services.commands.observed import Observed, sight
 from heel.services.commands.robot import Where
-from heel.services.commands.status import lines
+from heel.services.commands.status import doing_lines, lines
 from heel.services.runtime.chain import WITHHELD
 from heel.services.runtime.process import software_version
 from heel.services.runtime.settings import ZenohSettings
@@ -27,9 +27,23 @@ def track(number: int, distance_m: float | None = None) -> Track:
     )  # fmt: skip
 
 
+def follow_state(estop: bool = False, distance_m: float | None = None) -> FollowState:
+    return FollowState(
+        seq=1, state="following", reason="x", estop=estop, linear_mps=0.0, angular_radps=0.0,
+        target=Target(seq=1, mode="id", track_id=3), distance_m=distance_m,
+    )  # fmt: skip
+
+
+def drive_state(estop: bool) -> DriveState:
+    return DriveState(
+        seq=1, state="stopped" if estop else "driving", reason="so it was told", estop=estop,
+        driver="log", linear_mps=0.0, angular_radps=0.0,
+    )  # fmt: skip
+
+
 def told(observed: Observed, where: Where) -> str:
     problems = observed.problems(where, NOW_S)
-    return "\n".join(lines(observed, where, observed.watch.rows(NOW_S), problems))
+    return "\n".join(lines(observed, where, observed.watch.rows(NOW_S), problems, NOW_S))
 
 
 def test_a_service_of_the_stack_that_is_not_heard_is_missing() -> None:
@@ -52,16 +66,13 @@ def test_another_version_is_named() -> None:
 
 def test_in_sight_are_ids_with_distance_and_confidence() -> None:
     observed = Observed()
-    assert sight(observed.people) == "in sight: nobody"
+    assert sight(observed.people(NOW_S)) == "in sight: nobody"
     observed.tracks = Tracks(
         stream="front", epoch=1, seq=1, index=1, t_capture_ns=1, width=640, height=480,
         source_width=640, source_height=480, tracks=(track(3), track(4, 5.0), track(9)),
     )  # fmt: skip
-    observed.state = FollowState(
-        seq=1, state="following", reason="x", estop=False, linear_mps=0.0, angular_radps=0.0,
-        target=Target(seq=1, mode="id", track_id=3), distance_m=2.25,
-    )  # fmt: skip
-    assert sight(observed.people) == (
+    observed.take_state(follow_state(distance_m=2.25), NOW_S)
+    assert sight(observed.people(NOW_S)) == (
         "in sight: 3 (2.2 m, 90% sure), 4 (5.0 m, 90% sure), 9 (90% sure)"
     )
 
@@ -74,3 +85,32 @@ def test_why_people_are_not_shown_is_said() -> None:
     assert "tracker/main: 2 not shown: has not moved enough yet" in told(
         observed, Where(ZenohSettings(), None)
     )
+
+
+def stop_told(drive: bool | None, follower: bool | None) -> str:
+    """The first of the lines about a stop, "" without one."""
+    observed = Observed()
+    if drive is not None:
+        observed.drive, observed.drive_s = drive_state(drive), NOW_S
+    if follower is not None:
+        observed.take_state(follow_state(follower), NOW_S)
+    found = [one for one in doing_lines(observed, NOW_S) if one.startswith("EMERGENCY STOP")]
+    assert len(found) <= 1
+    return "".join(found)
+
+
+def test_a_stop_is_told_whoever_knows_of_it_and_who_does_not() -> None:
+    assert stop_told(None, None) == stop_told(False, False) == stop_told(False, None) == ""
+    assert "the drive holds it; no follower is heard" in stop_told(True, None)
+    assert "the follower holds it; no drive is heard" in stop_told(None, True)
+    assert "drive and follower hold it" in stop_told(True, True)
+    assert "the drive holds it, the follower does not" in stop_told(True, False)
+    assert "the follower holds it, the drive does not" in stop_told(False, True)
+
+
+def test_what_a_follower_or_drive_said_before_it_fell_silent_is_not_told() -> None:
+    observed = Observed()
+    observed.take_state(follow_state(True), NOW_S - 5.0)
+    observed.drive, observed.drive_s = drive_state(True), NOW_S - 5.0
+    assert doing_lines(observed, NOW_S) == []
+    assert observed.stops(NOW_S).as_json()["estop"] is None

@@ -166,6 +166,8 @@ _WORDS = {
     "time_s", "age_s",
     # A model of lenses, by ROS's name.
     "plumb_bob",
+    # Of Prometheus, and of `heel status --json`.
+    "heel_emergency_stop", "estop_of",
 }  # fmt: skip
 """Other words with an underscore: of Docker, health's details, the map of rooms, Python."""
 

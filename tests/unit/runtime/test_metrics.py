@@ -10,6 +10,7 @@ import pytest
 from heel.schemas import Health
 from heel.schemas.errors import HeelError
 from heel.services.runtime.metrics import figures, serving_metrics
+from heel.services.runtime.stops import HOLDS, HOLDS_NOT, STOP_DETAIL
 
 HEALTH = Health(
     service="tracker", instance="main", producer="tracker/main@0123abcd", state="ok", uptime_s=9.0,
@@ -37,6 +38,11 @@ def test_figures_are_in_seconds_and_bytes_under_names_that_differ() -> None:
     found = {one.name: one for one in figures(sick)}
     assert found["heel_ok"].values == {"": 0.0}
     assert found["heel_input_age_seconds"].values == {"": 2.0}
+    assert "heel_emergency_stop" not in found, "a tracker holds none"
+    for value, told in ((HOLDS, 1.0), (HOLDS_NOT, 0.0)):
+        drive = HEALTH.model_copy(update={"details": {STOP_DETAIL: value}})
+        found = {one.name: one for one in figures(drive)}
+        assert found["heel_emergency_stop"].values == {"": told}
 
 
 def test_they_are_served_on_loopback_while_the_service_runs() -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from heel.schemas import FollowState, Health, MessageError, Target, encode, keys
+from heel.services.runtime.chain import STANDBY
 from heel.services.runtime.robots import ROBOTS_PAGE, RobotRow, Robots
+from heel.services.runtime.stops import STOP_DETAIL
 
 T_S = 100.0
 STACK = ("capture", "detector", "tracker", "follower", "drive")
@@ -135,3 +137,37 @@ def test_a_certificate_that_ends_soon_is_told_and_no_problem() -> None:
     say(robots, "r1", health("drive", details={"certificate": "ends in 9 days"}))
     row = rows(robots)["r1"]
     assert (row.problems, row.notes) == ((), ("drive: ends in 9 days",))
+
+
+def stop_of(robots: Robots, robot: str = "r1") -> tuple[str, object]:
+    row = rows(robots)[robot]
+    return row.stops.short, row.as_json()["estop"]
+
+
+def test_a_stop_that_the_drive_alone_knows_of_is_told() -> None:
+    robots = Robots()
+    for service in ("capture", "detector", "tracker"):
+        say(robots, "r1", health(service))
+    assert stop_of(robots) == ("-", None)
+    say(robots, "r1", health("drive", details={STOP_DETAIL: "no"}))
+    assert stop_of(robots) == ("no", False)
+    say(robots, "r1", health("drive", details={STOP_DETAIL: "yes"}))
+    assert rows(robots)["r1"].state is None
+    assert stop_of(robots) == ("STOP", True)
+    follow(robots, "r1", estop=False)
+    assert stop_of(robots) == ("drive only", True)
+    follow(robots, "r1", estop=True)
+    assert stop_of(robots) == ("STOP", True)
+    say(robots, "r1", health("drive", details={STOP_DETAIL: "no"}))
+    assert stop_of(robots) == ("follower only", True)
+
+
+def test_one_of_two_drives_that_goes_on_is_no_stop_and_one_that_stands_by_says_nothing() -> None:
+    robots = Robots()
+    whole(robots, "r1")
+    say(robots, "r1", health("drive", details={STOP_DETAIL: "yes"}))
+    say(robots, "r1", health("drive", "other", details={STOP_DETAIL: "no"}))
+    follow(robots, "r1", estop=True)
+    assert stop_of(robots) == ("follower only", True)
+    say(robots, "r1", health("drive", "other", details={STOP_DETAIL: "no", STANDBY: "ready"}))
+    assert stop_of(robots) == ("STOP", True)

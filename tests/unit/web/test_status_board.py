@@ -92,8 +92,10 @@ def drive(estop: bool) -> DriveState:
 
 def test_a_stop_is_confirmed_by_the_drive_wherever_one_was_heard() -> None:
     board = StatusBoard("front", 1.0)
-    board.follower = follow_state(estop=True)
+    board.follow(follow_state(estop=True), 0.9)
     assert board.stop(True, 1.0) == {"confirmed_by": "follower", "unconfirmed_s": None}
+    assert board.stop(True, 1.95)["confirmed_by"] is None, "nor does a follower"
+    board.stop(False, 1.96)
     board.drive(drive(estop=False), 2.0)
     assert board.stop(True, 2.1) == {"confirmed_by": None, "unconfirmed_s": 0.0}
     assert board.stop(True, 3.2)["unconfirmed_s"] == 1.1
@@ -117,7 +119,7 @@ def test_problems_are_told_and_not_those_of_a_stream_that_has_ended() -> None:
 
 def test_status_is_plain_json() -> None:
     board = StatusBoard("front", 1.0)
-    board.follower = follow_state(3, "tracker/main@0123abcd")
+    board.follow(follow_state(3, "tracker/main@0123abcd"), 0.0)
     board.health(health("tracker"), 1.0)
     status = board.compose(1.0)
     assert json.loads(json.dumps(status)) == status
@@ -135,7 +137,7 @@ def test_the_story_is_the_targets_own_and_the_newest_first() -> None:
     board.event(event("another tracker's 7", 7), "tracker/other@00000001", 2.0)
     board.event(event("id 9 was id 7", 9, 7), TRACKER, 3.0)
     assert board.compose(4.0)["story"] == [], "nobody is followed"
-    board.follower = follow_state(7, TRACKER)
+    board.follow(follow_state(7, TRACKER), 0.0)
     assert board.compose(4.0)["story"] == [
         {"text": "id 9 was id 7", "age_s": 1.0}, {"text": "id 7 met id 4", "age_s": 3.0},
     ]  # fmt: skip
