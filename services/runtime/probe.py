@@ -27,6 +27,7 @@ def main(endpoint: str) -> int:
         ("mode", "client"),
         ("connect/endpoints", [endpoint]),
         ("scouting/multicast/enabled", False),
+        ("transport/unicast/open_timeout", int(1e3 * _GREETING_S)),
         ("transport/shared_memory/enabled", False),
     ]
     if (user := os.environ.get("HEEL_ZENOH__USER")) is not None:

@@ -23,6 +23,12 @@ QUERY_TIMEOUT_S = 2.0
 """Seconds after which a query is over where it does not say; answers take milliseconds."""
 _RETRY_PERIOD_S = 0.2
 """Seconds between two attempts to connect; chosen by hand."""
+_SHORTEST_OPEN_S = 1.0
+"""Least time for one attempt to connect [s]; a handshake takes milliseconds here and a few round
+trips elsewhere. Chosen by hand."""
+_LONGEST_OPEN_S = 10.0
+"""Longest time for one [s]: Zenoh's own, which it waits for each address, also where nobody listens
+on UDP or QUIC, or a TCP port is open and silent."""
 # A bounded kernel send buffer keeps a stop message from queueing behind frames on a slow link
 # (340 ms -> 32 ms at 20 Mbit/s) and costs nothing visible on a fast one.
 _SEND_BUFFER = "so_sndbuf=32768"
@@ -75,6 +81,7 @@ def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
         ("mode", settings.mode),
         ("connect/endpoints", [tuned(endpoint) for endpoint in settings.connect]),
         ("connect/timeout_ms", 0),
+        ("transport/unicast/open_timeout", _open_timeout_ms(settings)),
         ("connect/retry", {"period_init_ms": 200, "period_max_ms": 300}),
         ("scouting/multicast/enabled", False),
         ("queries_default_timeout", int(QUERY_TIMEOUT_S * 1000)),
@@ -97,6 +104,12 @@ def _entries(settings: ZenohSettings) -> list[tuple[str, object]]:
         entries.append(("transport/auth/usrpwd/user", settings.user))
         entries.append(("transport/auth/usrpwd/password", settings.secret()))
     return entries
+
+
+def _open_timeout_ms(settings: ZenohSettings) -> int:
+    """Of one address: Zenoh tries them one after the other."""
+    in_all_s = min(_LONGEST_OPEN_S, max(_SHORTEST_OPEN_S, settings.connect_timeout_s))
+    return int(1e3 * in_all_s / max(1, len(settings.connect)))
 
 
 def tuned(endpoint: str) -> str:
