@@ -38,7 +38,7 @@ from heel.services.run.outputs import RunOutputs
 from heel.services.run.summary import RunSummary
 from heel.services.runtime.command_line import run_app
 from heel.services.runtime.settings import load_settings
-from heel.services.tracker.boxes.sequence import track_sequence
+from heel.services.tracker.boxes.sequence import GivenSequence, track_sequence
 from heel.services.tracker.core import Tracker
 from heel.services.tracker.settings import TrackerSettings
 
@@ -120,9 +120,9 @@ def replayed(recording: str, messages: Sequence[Blobs]) -> SequenceScores:
         return evaluate(Path(recording), Path(folder))
 
 
-def tracked_boxes(folder: Path) -> SequenceScores:
-    """Scores of the boxes of a file."""
-    given, truth = read_given(folder), read_ground_truth(folder / "gt" / "gt.txt")
+def tracked_boxes(folder: Path, boxes: GivenSequence | None = None) -> SequenceScores:
+    """Scores of the boxes of a sequence's file, or of other boxes for it."""
+    given, truth = boxes or read_given(folder), read_ground_truth(folder / "gt" / "gt.txt")
     shown = shown_rows(list(track_sequence(given)))
     return score_sequence(align(truth, shown, name=folder.name, frame_count=frame_count(given)))
 
