@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import inspect
 import json
 import os
@@ -17,7 +18,7 @@ from pydantic.fields import FieldInfo
 
 from heel.schemas.errors import HeelError, SettingsError
 from heel.services.runtime.logs import printable
-from heel.services.runtime.process import leave
+from heel.services.runtime.process import leave, open_standard_streams
 from heel.services.runtime.settings import (
     ENVIRONMENT_PREFIX,
     Loaded,
@@ -27,6 +28,8 @@ from heel.services.runtime.settings import (
 )
 
 S = TypeVar("S", bound=BaseModel)
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+"""Errors of a disk, or of what standard output is sent to, which are no fault of the command's."""
 _SHARED: dict[str, type[BaseModel]] = {"zenoh": ZenohSettings, "log": LogSettings}
 
 
@@ -167,10 +170,12 @@ def run_app(app: typer.Typer) -> None:
     except HeelError as error:
         sys.stderr.write(f"heel: {printable(str(error))}\n")
         sys.exit(2 if isinstance(error, SettingsError) else 1)
-    except BrokenPipeError:
-        # The reader went away (`heel status | head`): nothing is left to be told.
-        sys.stderr.close()
-        sys.exit(0)
+    except OSError as error:
+        # A reader that went away (`heel status | head`) ends the command before it comes here.
+        if error.errno not in _FULL:
+            raise
+        sys.stderr.write(f"heel: {error.filename or 'standard output'}: {error.strerror}\n")
+        sys.exit(1)
 
 
 def hide_password() -> None:
@@ -195,6 +200,7 @@ def hide_password() -> None:
 
 def run_process(app: typer.Typer) -> NoReturn:
     """`run_app` as all that this process is for: it ends with the command."""
+    open_standard_streams()
     hide_password()
     try:
         run_app(app)

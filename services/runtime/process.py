@@ -82,6 +82,22 @@ def die_with_parent() -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
 
+def open_standard_streams() -> None:
+    """Put `/dev/null` in the place of standard streams that were closed (`heel status >&-`).
+
+    Python has None for them, which nobody expects; and the next file or socket would get the number
+    of standard error, to which libraries in C write.
+    """
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        try:
+            os.fstat(number)
+        except OSError:
+            # The least number that is free, and those below are taken by now.
+            os.open(os.devnull, os.O_RDWR)
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
+
+
 def leave(code: int) -> NoReturn:
     """End this process without Python taking itself apart first.
 
