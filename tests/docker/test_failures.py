@@ -7,8 +7,10 @@ the others. Seen through the page, as a user sees it.
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
+import subprocess
 import threading
 import time
 import urllib.error
@@ -16,10 +18,11 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
-from tests.docker.engine import IMAGE, Project
+from tests.docker.engine import IMAGE, REPOSITORY, Project
 from tests.support.network import wait_until
 
 pytestmark = [pytest.mark.docker, pytest.mark.timeout(240)]
@@ -30,6 +33,8 @@ STANDS_S = 1.5
 BACK_S = 30.0
 """A container that was killed starts within a few seconds; a busy machine needs the rest."""
 STEADY_S = 1.0
+STANDING_MPS = 1e-3
+"""Simulated wheels come ever nearer to zero; chosen by hand."""
 WORLD = """
 services:
   world:
@@ -193,6 +198,95 @@ def test_the_robot_stands_and_goes_on_with_the_same_person_or_asks(
             robot.stands_soon(time.monotonic())
         from_s = time.monotonic()
     robot.goes_on(target, from_s)
+
+
+class Wheels:
+    """What the drive said, and how fast the simulated robot truly was: its wheels stand 0.2 s after
+    the drive's last word, as a board's own watchdog has to make them."""
+
+    def __init__(self, robot: Robot, out: Path) -> None:
+        self._out = out
+        script = Path(__file__).with_name("wheels.py").read_text(encoding="utf-8")
+        command = ["docker", "compose", "exec", "-T", "web", "python3", "-", "400"]
+        with out.open("wb") as file:
+            self._process = subprocess.Popen(
+                command, cwd=REPOSITORY, env=robot.project.environment, stdin=subprocess.PIPE,
+                stdout=file,
+            )  # fmt: skip
+        assert self._process.stdin is not None
+        self._process.stdin.write(script.encode())
+        self._process.stdin.close()
+
+    def close(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+    def _lines(self, kind: str) -> list[list[str]]:
+        text = self._out.read_text(encoding="utf-8")
+        whole = text[: text.rfind("\n") + 1].splitlines()
+        return [line.split()[1:] for line in whole if line.startswith(kind)]
+
+    def truth(self, from_s: float, to_s: float = math.inf) -> list[float]:
+        """True speeds within a time [m/s]."""
+        return [float(v) for t, v in self._lines("truth") if from_s <= float(t) < to_s]
+
+    def new_drive(self, old: str) -> list[tuple[float, bool, float]]:
+        """Time, stop and speed of each word of a drive that is not the old one."""
+        return [
+            (float(t), stopped == "1", float(v))
+            for t, producer, stopped, v in self._lines("drive")
+            if producer != old
+        ]
+
+    @property
+    def producer(self) -> str:
+        """The drive that spoke last."""
+        return self._lines("drive")[-1][1]
+
+
+@pytest.fixture
+def wheels(robot: Robot, tmp_path: Path) -> Iterator[Wheels]:
+    wheels = Wheels(robot, tmp_path / "wheels")
+    try:
+        wait_until(lambda: bool(wheels.truth(0.0)), "the simulated robot", 2 * START_S)
+        yield wheels
+    finally:
+        wheels.close()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(480)
+@pytest.mark.parametrize("stopped", [False, True], ids=["following", "emergency stop"])
+def test_a_drive_that_is_killed_while_the_robot_drives_comes_back_from_zero(
+    robot: Robot, wheels: Wheels, stopped: bool
+) -> None:
+    target = robot.begin()
+    assert max(wheels.truth(time.monotonic() - STEADY_S)) > 0.1
+    old = wheels.producer
+    if stopped:
+        # Pressed while it drives, and the drive dies before it has braked.
+        robot.post("/api/stop")
+    with killed(robot, "world-drive"):
+        from_s = time.monotonic()
+    try:
+        wait_until(lambda: len(wheels.new_drive(old)) > 20, "a new drive", BACK_S)
+        words = wheels.new_drive(old)
+        back_s = words[0][0]
+        print(f"back {back_s - from_s:.1f} s later")
+        assert words[0][2] == 0.0, "it begins from zero"
+        speeds = wheels.truth(from_s + STANDS_S, back_s)
+        assert max(speeds, default=0.0) < STANDING_MPS, "the wheels stand until then"
+        if not stopped:
+            robot.goes_on(target, back_s)
+            assert max(wheels.truth(back_s)) > 0.1
+            return
+        assert {one[1:] for one in words} == {(True, 0.0)}, "it kept the stop"
+        wait_until(lambda: time.monotonic() > back_s + 3.0, "time to pass")
+        assert max(wheels.truth(back_s + STANDS_S)) < STANDING_MPS
+    finally:
+        if stopped:
+            robot.post("/api/resume")
+    wait_until(robot.follows, "to follow once it is released", BACK_S)
 
 
 def test_a_tracker_is_exchanged_and_the_robot_follows_the_same_person_unasked(robot: Robot) -> None:
