@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -24,6 +25,8 @@ _MAX_RUNS = 64
 """Runs that are listed; chosen by hand."""
 _MAX_BYTES = 8192
 """Of a note; ours have some hundred bytes."""
+_LOOK_S = 1.0
+"""Seconds between two looks whether the note is still there; chosen by hand."""
 
 
 class Run(BaseModel):
@@ -54,6 +57,7 @@ class Registration:
 
     def __init__(self, run: Run, file: Path | None) -> None:
         self._run, self._file = run, file
+        self._writing = threading.Lock()
 
     def page_is(self, url: str) -> None:
         """The live page is served now."""
@@ -72,9 +76,38 @@ class Registration:
         if self._file is None:
             return
         # Renamed into place, so that no reader gets half a note.
-        whole = self._file.with_suffix(".new")
-        whole.write_text(self._run.model_dump_json(), encoding="utf-8")
-        whole.replace(self._file)
+        with self._writing:
+            whole = self._file.with_suffix(".new")
+            whole.write_text(self._run.model_dump_json(), encoding="utf-8")
+            whole.replace(self._file)
+
+    def _look_after(self, over: threading.Event) -> None:
+        """Write the note anew where its folder has gone: with a session, or by a clean-up."""
+        while not over.wait(_LOOK_S):
+            with suppress(OSError, HeelError):
+                file = _note(self._run.pid)
+                if file == self._file and file.exists():
+                    continue
+                gone, self._file = self._file, file
+                self._write()
+                if gone is not None and gone != file:
+                    gone.unlink(missing_ok=True)
+
+    def _remove(self) -> None:
+        with suppress(OSError):
+            if self._file is not None:
+                self._file.unlink(missing_ok=True)
+
+
+def _note(pid: int) -> Path:
+    """Where a run's note is; its folder is made.
+
+    Raises:
+        SettingsError: the run folder cannot be used.
+    """
+    folder = run_folder() / _FOLDER
+    folder.mkdir(mode=0o700, exist_ok=True)
+    return folder / f"{pid}.json"
 
 
 @contextmanager
@@ -93,22 +126,23 @@ def registered(
     pid = os.getpid()
     run = Run(pid=pid, started=_started(pid) or "", kind=kind, what=what, endpoint=endpoint,
               parts=parts, robot=robot)  # fmt: skip
-    file: Path | None = None
     registration = Registration(run, None)
     try:
-        folder = run_folder() / _FOLDER
-        folder.mkdir(mode=0o700, exist_ok=True)
-        file = folder / f"{pid}.json"
-        registration = Registration(run, file)
+        registration = Registration(run, _note(pid))
         registration._write()
     except (HeelError, OSError) as error:
         log.warning("`heel status` and `heel stop` need --connect %s: %s", endpoint, error)
+    over = threading.Event()
+    looking = threading.Thread(
+        target=registration._look_after, args=(over,), name="run-note", daemon=True
+    )
+    looking.start()
     try:
         yield registration
     finally:
-        if file is not None:
-            with suppress(OSError):
-                file.unlink(missing_ok=True)
+        over.set()
+        looking.join(_LOOK_S)
+        registration._remove()
 
 
 def runs() -> list[Run]:

@@ -21,6 +21,8 @@ from heel.services.runtime.stops import HOLDS, HOLDS_NOT, STOP_DETAIL
 
 _ASK_PERIOD_S = 1.0
 """Seconds between two questions to the others that obey the stop; chosen by hand."""
+_LOOK_PERIOD_S = 1.0
+"""Seconds between two looks whether what was written down is still there; chosen by hand."""
 S = TypeVar("S", bound=ServiceSettings)
 
 
@@ -63,6 +65,8 @@ class StopKeeper:
         self._others = LatchedAnswers(context.session, keys.FOLLOW_ESTOP, EStop, _ASK_PERIOD_S)
         self._file = self._place()
         self._saved: EStop | None = None
+        self._unwritten = False
+        self._looked_s = float("-inf")
         self._tell()
 
     @property
@@ -99,6 +103,19 @@ class StopKeeper:
         if answers and self._latch.hear_answers(answers, asked_s):
             self._take_over("engaged" if self.engaged else "released")
             self.save()
+        if now_s - self._looked_s >= _LOOK_PERIOD_S:
+            self._looked_s = now_s
+            self._look_after_note()
+
+    def _look_after_note(self) -> None:
+        """Write it anew where its folder has gone: with a session, or by a clean-up of `/tmp`."""
+        if self._file is None:
+            return
+        with suppress(SettingsError):
+            file = places.kept_folder() / self._file.name
+            if file != self._file or (self._saved is not None and not file.exists()):
+                self._file, self._saved = file, None
+        self.save()
 
     def hear(self, arrival: Arrival) -> None:
         """Take a message on `follow/estop`."""
@@ -134,9 +151,12 @@ class StopKeeper:
                 beside = self._file.with_suffix(".new")
                 beside.write_bytes(encode(current))
                 os.replace(beside, self._file)
-            self._saved = current
+            self._saved, self._unwritten = current, False
         except OSError as error:
             self._saved = current
+            if self._unwritten:
+                return
+            self._unwritten = True
             self._context.log.warning(
                 "the emergency stop cannot be written to %s (%s): it is forgotten when every "
                 "process that holds it has ended", self._file, error.strerror,

@@ -26,6 +26,9 @@ _CLIENT_S = 0.5
 """A client that sends or takes nothing for so long is given up: others wait behind it."""
 _ROUND_S = 0.3
 """Longest wait for the drive's loop to go round: fifteen of its rounds."""
+_LOOK_S = 1.0
+"""Seconds between two looks whether the socket is still where clients look for it; chosen by
+hand."""
 _BACKLOG = 64
 """Clients that may wait; chosen by hand."""
 
@@ -59,18 +62,36 @@ class StopSocket:
 
     def __enter__(self) -> Self:
         try:
-            self._path = _socket_path(run_folder(), self._robot)
-            self._path.unlink(missing_ok=True)
-            self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-            self._listener.bind(str(self._path))
-            os.chmod(self._path, 0o600)
-            self._listener.listen(_BACKLOG)
+            self._open()
         except (OSError, HeelError) as error:
             self._log.warning("no stop socket on this host: %s; stops come by Zenoh only", error)
             self._listener = None
             return self
         self._thread.start()
         return self
+
+    def _open(self) -> None:
+        path = _socket_path(run_folder(), self._robot)
+        path.unlink(missing_ok=True)
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        listener.settimeout(_LOOK_S)
+        listener.bind(str(path))
+        os.chmod(path, 0o600)
+        listener.listen(_BACKLOG)
+        self._listener, self._path = listener, path
+
+    def _look_after_path(self) -> None:
+        """Listen anew where the folder has gone: with a session, or by a clean-up of `/tmp`."""
+        before, gone = self._listener, self._path
+        assert before is not None
+        assert gone is not None
+        with suppress(OSError, HeelError):
+            if gone.exists() and gone == _socket_path(run_folder(), self._robot):
+                return
+            self._open()
+            before.close()
+            if gone != self._path:
+                gone.unlink(missing_ok=True)
 
     def __exit__(self, *_: object) -> None:
         self._ending.set()
@@ -85,9 +106,15 @@ class StopSocket:
 
     def _run(self) -> None:
         assert self._listener is not None
+        looked_s = time.monotonic()
         while not self._ending.is_set():
+            if time.monotonic() - looked_s >= _LOOK_S:
+                looked_s = time.monotonic()
+                self._look_after_path()
             try:
                 client, _ = self._listener.accept()
+            except TimeoutError:
+                continue
             except OSError:
                 if self._ending.wait(0.1):
                     return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import signal
 import time
 from collections.abc import Iterator
@@ -286,6 +287,31 @@ def test_a_stop_outlives_the_run_folder_where_a_disk_is_named(tmp_path: Path) ->
             wait_until(lambda: robot.stands_because("emergency stop"), "the stop")
             press(client, False, "4" * 16)
             wait_until(robot.drives, "driving again")
+
+
+@pytest.mark.parametrize("pressed_before", [True, False], ids=["held", "pressed after"])
+def test_a_stop_outlives_a_run_folder_that_was_deleted_under_the_drive(
+    tmp_path: Path, pressed_before: bool
+) -> None:
+    """As with a session that ends, or a clean-up of `/tmp`: the note is written anew."""
+    folder = tmp_path / "run"
+
+    def written() -> bool:
+        return any(folder.glob("estop-*"))
+
+    with network.router() as own, network.client(own) as client:
+        with drive_process(own, client, HEEL_RUNTIME_DIR=str(folder)) as robot:
+            wait_until(lambda: robot.newest is not None, "the drive")
+            if pressed_before:
+                press(client, True, "5" * 16)
+                wait_until(written, "the note")
+            shutil.rmtree(folder)
+            press(client, True, "5" * 16)
+            wait_until(lambda: robot.stopped, "the stop")
+            wait_until(written, "the note in the folder made anew")
+            robot.process.stop(signal.SIGKILL, 5.0)
+        with drive_process(own, client, HEEL_RUNTIME_DIR=str(folder)) as robot, robot.commanded():
+            wait_until(lambda: robot.stands_because("emergency stop"), "the stop")
 
 
 def test_a_drive_that_starts_while_the_stop_holds_stands() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 from heel.services.runtime.places import VARIABLE
 from heel.services.runtime.registry import Run, registered, runs
+from tests.support.network import wait_until
 
 LOG = logging.getLogger("heel.test")
 ENDPOINT = "tcp/127.0.0.1:40001"
@@ -38,6 +40,21 @@ def test_a_run_is_found_while_it_lives_and_its_page_once_it_is_served(folder: Pa
         assert (run.pids, run.logs) == ({"tracker": 7}, str(Path.cwd() / "logs"))
     assert runs() == []
     assert list(folder.iterdir()) == []
+
+
+def test_a_run_is_found_though_its_folder_was_deleted_or_is_another_one(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with registered("demo", "distractor-3", ENDPOINT, ("tracker",), LOG) as note:
+        note.page_is("http://127.0.0.1:8470/")
+        shutil.rmtree(folder.parent)
+        wait_until(lambda: bool(runs()), "a note in the folder made anew")
+        assert runs()[0].page == "http://127.0.0.1:8470/"
+        # A session that ends takes its folder along, and the next one has another.
+        monkeypatch.setenv(VARIABLE, str(tmp_path / "other"))
+        wait_until(lambda: bool(runs()), "a note where commands look now")
+    assert runs() == []
+    assert list(tmp_path.rglob("*.json")) == []
 
 
 def test_notes_of_processes_that_died_or_were_others_are_removed(folder: Path) -> None:

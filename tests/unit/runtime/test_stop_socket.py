@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import shutil
 import socket
 import stat
 import threading
@@ -15,6 +16,7 @@ import pytest
 
 from heel.schemas import DriveState, EStop
 from heel.services.runtime.stop_socket import StopSocket, drives_here
+from tests.support.network import wait_until
 
 ROBOT = "r1"
 STOP = EStop(engaged=True, source="test", id="a" * 16)
@@ -60,6 +62,14 @@ def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LoopOfADri
 def the_socket(folder: Path) -> Path:
     (path,) = folder.glob("*.sock")
     return path
+
+
+def test_it_is_there_again_where_its_folder_was_deleted(loop: LoopOfADrive, tmp_path: Path) -> None:
+    shutil.rmtree(tmp_path)
+    wait_until(lambda: bool(drives_here(ROBOT, None, 2.0)), "the socket in the folder made anew")
+    (answer,) = drives_here(ROBOT, STOP, 2.0)
+    assert answer.state is not None
+    assert loop.pressed == [STOP]
 
 
 def test_it_stops_and_answers_what_the_wheels_are_told(loop: LoopOfADrive) -> None:
