@@ -20,6 +20,8 @@ class Interrupted:
         if name == "typer":
             os.kill(os.getpid(), signal.SIGINT)
 
+# A parent may have it ignored, as a shell does for what it starts in the background.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.meta_path.insert(0, Interrupted())
 sys.argv = ["heel", "--version"]
 runpy.run_module("heel", run_name="__main__", alter_sys=True)
