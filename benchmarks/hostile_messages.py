@@ -27,7 +27,7 @@ import typer
 import zenoh
 from zenoh.handlers import RingChannel
 
-from benchmarks.common import wait_for
+from benchmarks.common import Write, publish, wait_for
 from benchmarks.hostile.mutations import CAMERA, TOPICS, Kind, Mutations, Wire
 from benchmarks.stopping.rig import Rig
 from heel.schemas import keys
@@ -273,6 +273,22 @@ def _memory_mb(rig: Rig) -> dict[str, float]:
     return {name: memory_mb(pid)[0] for name, pid in rig.pids().items()}
 
 
+def table_of(outcome: Outcome) -> str:
+    """Markdown: what became of the services, and of the robot."""
+    lines = {name.partition(":")[0]: rate for name, rate in outcome.lines_s.items()}
+    silence = ", ".join(f"{name} {s:.2f} s" for name, s in outcome.longest_silence_s.items())
+    return "\n".join([
+        f"{outcome.messages:,} messages in {outcome.seconds:.0f} s. Ended: "
+        f"{', '.join(outcome.ended) or 'none'}. Longest silence: {silence}. Following before, "
+        f"during, after: {100 * outcome.following_before:.0f}, "
+        f"{100 * outcome.following_during:.0f}, {100 * outcome.following_after:.0f} %. "
+        f"Faults: {'; '.join(outcome.faults()) or 'none'}.", "",
+        "| process | memory, MB | lines of one kind, 1/s |", "|---|---|---|",
+        *(f"| {name} | {mb:+.1f} | {f'{lines[name]:.2f}' if name in lines else '-'} |"
+          for name, mb in outcome.growth_mb.items()),
+    ]) + "\n"  # fmt: skip
+
+
 @app.command()
 def main(
     count: Annotated[int, typer.Option(help="messages to send", min=1000)] = 1_000_000,
@@ -284,6 +300,7 @@ def main(
     json_file: Annotated[
         Path | None, typer.Option("--json", help="write the figures", metavar="FILE")
     ] = None,
+    write: Write = None,
 ) -> None:
     """Print what became of a stack under a flood of hostile messages; exit code 1 for a fault."""
     with tempfile.TemporaryDirectory(prefix="heel-") as folder, Rig(Path(folder)) as rig:
@@ -293,6 +310,7 @@ def main(
         shown = {key: round(one, 2) for key, one in value.items()} if isinstance(value, dict) else (
             round(value, 3) if isinstance(value, float) else value)  # fmt: skip
         print(f"{name}: {shown}")
+    publish(table_of(outcome), write, "hostile")
     if json_file is not None:
         json_file.write_text(json.dumps(asdict(outcome), indent=2))
     if faults := outcome.faults():

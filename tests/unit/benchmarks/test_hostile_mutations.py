@@ -6,6 +6,7 @@ import msgpack
 import pytest
 
 from benchmarks.hostile.mutations import CAMERA, STAMPED, TOPICS, Mutations, Wire, readable
+from benchmarks.hostile_messages import Outcome, table_of
 from heel.schemas import MotionCommand, Stamp, Tracks, encode, keys
 
 PRODUCER = "tracker/main@00000001"
@@ -52,3 +53,15 @@ def test_leaps_are_the_true_producers_with_a_number_that_nobody_reaches(
 def test_the_same_seed_draws_the_same(mutations: Mutations) -> None:
     again = Mutations(mutations._recorded, seed=3)
     assert [again.draw("junk") for _ in range(20)] == [mutations.draw("junk") for _ in range(20)]
+
+
+def test_the_table_tells_of_each_process_and_of_faults() -> None:
+    outcome = Outcome(
+        messages=1000, seconds=2.0, ended=(), longest_silence_s={"tracks": 0.5},
+        following_before=0.9, following_during=0.8, following_after=0.9, not_following={},
+        target_kept=False, growth_mb={"drive": 1.5, "router": 0.25}, log_kb=1.0,
+        lines_s={"drive: follow/command": 0.92},
+    )  # fmt: skip
+    told = table_of(outcome)
+    assert "| drive | +1.5 | 0.92 |\n| router | +0.2 | - |" in told
+    assert "Faults: another target." in told
