@@ -54,7 +54,12 @@ each session 12 kB; where there is less, Zenoh does not refuse but panics (measu
 _ZENOH_SOURCE = re.compile(r"\s+at /\S+\.rs:\d+\.?")
 _SECURED = ("tls/", "quic/")
 """Endpoints at which both sides show certificates."""
-_ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws|serial|vsock|unixpipe|unixsock-stream)/\S+")
+_ENDPOINT = re.compile(
+    r"(?:tcp|udp|tls|quic|ws)/[^\s?#]+:(?P<port>[0-9]{1,5})(?:[?#]\S*)?"
+    r"|(?:serial|vsock|unixpipe|unixsock-stream)/\S+"
+)
+_MOST_PORT = 65535
+"""Greatest number of a port."""
 
 
 def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
@@ -153,7 +158,8 @@ def check_endpoints(endpoints: Iterable[str], table: str) -> None:
         SettingsError: names the first one that is none.
     """
     for endpoint in endpoints:
-        if not _ENDPOINT.fullmatch(endpoint):
+        found = _ENDPOINT.fullmatch(endpoint)
+        if found is None or int(found["port"] or 0) > _MOST_PORT:
             raise SettingsError(
                 f"{table}: {endpoint[:80]!r} is not an endpoint: write one like tcp/127.0.0.1:7447"
             )

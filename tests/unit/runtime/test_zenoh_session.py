@@ -84,7 +84,20 @@ def test_a_router_that_comes_late_is_found() -> None:
 
 
 @pytest.mark.parametrize(
-    "endpoint", ["nonsense", "tcp", "smoke/127.0.0.1:7447", "tcp/", "", "tcp/a b:1"], ids=str
+    "endpoint",
+    [
+        "nonsense",
+        "tcp",
+        "smoke/127.0.0.1:7447",
+        "tcp/",
+        "",
+        "tcp/a b:1",
+        "tcp/[::1]",
+        "tls/host",
+        "tcp/127.0.0.1:99999",
+        "udp/127.0.0.1:1x",
+    ],
+    ids=str,
 )
 def test_bad_endpoints_are_errors_that_name_them(endpoint: str) -> None:
     with pytest.raises(SettingsError, match="is not an endpoint: write one like tcp/") as error:
