@@ -139,6 +139,18 @@ class Contacts:
             )
         )
 
+    def go_on(self, known: Track, newcomer: Track) -> None:
+        """Leave open which of two it is that is back, if that was open when they went out of sight.
+
+        Args:
+            known: the track out of sight, which may have been exchanged with one still in view.
+            newcomer: the track that is taken to be that person's.
+        """
+        for contact in self._open:
+            first, second = (newcomer if track is known else track for track in contact.people)
+            contact.people = first, second
+        self._open = [one for one in self._open if one.people[0] is not one.people[1]]
+
     def ahead(self) -> list[Track]:
         """The copies of all people in contact, to be predicted with the tracks."""
         return [copy for contact in self._open for copy in contact.ahead]

@@ -65,6 +65,10 @@ class Identity:
         """Whether a contact or a newcomer leaves the identity of a track undecided."""
         return self.open(track) or self._verifications.open(track)
 
+    def go_on(self, known: Track, newcomer: Track) -> None:
+        """A track is taken to be a known person's, who is back."""
+        self._contacts.go_on(known, newcomer)
+
     def given_up(self, track: Track) -> None:
         """The id of a track has been given up for another reason than a newcomer's descriptors."""
         self._verifications.close(track)

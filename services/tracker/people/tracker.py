@@ -284,6 +284,7 @@ class PeopleTracker(Generic[Frame]):
         for claim in found:
             self._note_claim(claim)
             claim.newcomer.become(claim.known, claim.probability)
+            self._identity.go_on(claim.known, claim.newcomer)
         known = {id(claim.known) for claim in found}
         self._tracks = [track for track in self._tracks if id(track) not in known]
         self._recall.lost = [track for track in self._recall.lost if id(track) not in known]

@@ -168,6 +168,36 @@ def test_a_contact_ends_when_one_of_the_two_is_forgotten() -> None:
     assert not contacts.among(one)
 
 
+@pytest.mark.parametrize(
+    ("seen", "ids"), [((RED, GREEN), (1, 2)), ((GREEN, RED), (2, 1))], ids=["kept", "exchanged"]
+)
+def test_a_contact_goes_on_with_the_track_that_is_taken_for_one_of_the_two(
+    seen: tuple[Colours, Colours], ids: tuple[int, int]
+) -> None:
+    """Hidden after the contact and known again by place: the other may be that one in view."""
+    one, other, back = person(1, RED), person(2, GREEN), person(0, seen[1])
+    contacts = Contacts(LookModel())
+    contacts.touch(one, other, 0.0)
+    back.become(other, 0.9)
+    contacts.go_on(other, back)
+    assert contacts.among(back)
+    assert not contacts.among(other)
+    boxes = [alone(track, track.mean[:, 0]) for track in (one, back)]
+    for frame in range(1, 30):
+        now = np.concatenate([looks(colours, 1, 300 + frame) for colours in seen])
+        contacts.decide(boxes, now, {id(one), id(back)}, 0.1 * frame, 0.1)
+    assert not contacts.among(one)
+    assert (one.track_id, back.track_id) == ids
+
+
+def test_a_contact_with_the_track_that_one_is_taken_for_has_nothing_left_to_decide() -> None:
+    one, other = person(1, RED), person(2, GREEN)
+    contacts = Contacts(LookModel())
+    contacts.touch(one, other, 0.0)
+    contacts.go_on(other, one)
+    assert not contacts.among(one)
+
+
 def test_both_are_in_doubt_while_a_contact_is_open() -> None:
     """A box that may be the other's makes the other's next box as doubtful."""
     one, other = person(1, RED), person(2, ALMOST_RED)
