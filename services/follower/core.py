@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from heel.schemas import (
     CameraInfo,
@@ -21,14 +20,14 @@ from heel.schemas import (
 )
 from heel.schemas.follow import FollowStateName
 from heel.services.follower.camera_info import implausible
-from heel.services.follower.clearance import BODY_M, Sectors
-from heel.services.follower.controller import Goal, VelocityController
+from heel.services.follower.clearance import Sectors
 from heel.services.follower.freshness import Freshness
 from heel.services.follower.kept import KeptTarget
 from heel.services.follower.manual import ManualDrive, ManualError
 from heel.services.follower.moving_picture import PictureWatch
 from heel.services.follower.own_motion import OwnMotion, Pose
 from heel.services.follower.people import People
+from heel.services.follower.pursuit import Pursued, Pursuit
 from heel.services.follower.search import Search, all_around, search_for
 from heel.services.follower.sensors import (
     MAX_ODOMETRY_AGE_S,
@@ -42,7 +41,6 @@ from heel.services.follower.sight import Sight, judge_sight
 from heel.services.follower.states import Situation, by_hand, next_state
 from heel.services.follower.surroundings import Surroundings
 from heel.services.follower.target import TargetChoice, TargetError
-from heel.services.follower.trail import Trail, Way
 
 _MAX_STEP_S = 0.2
 """Seconds that one step of the controller spans at most, however late it comes; chosen by hand."""
@@ -51,19 +49,6 @@ _SEARCH_SWEEP_RAD = 0.6
 
 _SEARCHES: tuple[FollowStateName, ...] = ("following", "occluded", "unsure")
 """States from which somebody who goes out of sight is looked for, so after a gap as well."""
-
-_WAY_M = 1.5
-"""Way before the robot that obstacles are looked for on in time; chosen by hand."""
-_SLACK_M = 0.1
-"""Of the way to a person that need not be free, beyond their body and the robot's: ranges vary;
-chosen by hand."""
-_TRAIL_MPS = 1.0
-"""Fastest after somebody that a thing hides, m/s: a walk. Chosen by hand."""
-_ARRIVED_M = 0.3
-"""From the end of their way, metres: the robot looks round from there. Chosen by hand."""
-_IN_VIEW = 0.8
-"""Share of half the camera's view by which the robot heads beside a person, at most; chosen by
-hand: the person stays in the picture."""
 
 
 class Follower:
@@ -76,12 +61,10 @@ class Follower:
 
     def __init__(self, settings: FollowerSettings, first_seq: int = 0) -> None:
         self.settings = settings
-        self._controller = VelocityController(settings)
         self._people = People(settings.person_height_m, math.radians(settings.horizontal_fov_deg))
         self._motion = OwnMotion(settings.robot_delay_s, MAX_ODOMETRY_AGE_S)
         self._surroundings = Surroundings(settings)
-        self._trail = Trail()
-        self._goes_after = False
+        self._pursuit = Pursuit(settings, self._people, self._motion, self._surroundings)
         self._sensors = Sensors(settings)
         self._choice = TargetChoice(settings)
         self._picture = PictureWatch()
@@ -302,7 +285,7 @@ class Follower:
     @property
     def swings(self) -> str | None:
         """That the robot has been turning to and fro before a person, and what helps; else None."""
-        if not self._controller.swings:
+        if not self._pursuit.swings:
             return None
         return (
             "the robot swings: it turns later than robot_delay_s says "
@@ -356,7 +339,7 @@ class Follower:
 
     def halt(self, reason: str) -> MotionCommand:
         """A command to stand, where `step` fails to give one."""
-        self._controller.stop()
+        self._pursuit.stand()
         self._name = "stopped"
         self._seq += 1
         self.state = self.state.model_copy(
@@ -373,8 +356,7 @@ class Follower:
     def _begin(self) -> None:
         """Another person or none: what was known of the old one's sight means nothing."""
         self._forget_sight()
-        self._trail.clear()
-        self._goes_after = False
+        self._pursuit.begin()
         self._picture.restart()
         self._around = self._asked_s = None
         self._name, self._unsought = "idle", False
@@ -391,9 +373,8 @@ class Follower:
         self._freshness.frame(self._tracks_s, tracks_age_s)
         self._people.update(self._tracks, self._tracks_s, self._motion, self.target.track_id)
         target = self._people.seen.get(self.target.track_id or 0)
-        if target is not None and self.settings.trail_s:
-            self._trail.add(target.filter.place_at(self._tracks_s))
-            self._surroundings.note_things(self._motion.pose)
+        if target is not None:
+            self._pursuit.seen_at(target.filter.place_at(self._tracks_s))
         self._watch_picture(self._tracks)
         turned_rad = self._turned_rad()
         if self._choice.pending is not None:
@@ -431,6 +412,7 @@ class Follower:
         elif self._clear_since_s is None:
             self._clear_since_s = self._tracks_s
         since_s = self._clear_since_s
+        trusted = self._name in ("following", "occluded")
         stale = None if tracks_age_s is None else self._freshness.judge(now_s, tracks_age_s)
         if stale is not None and self._name in _SEARCHES:
             self._unsought = True
@@ -449,7 +431,7 @@ class Follower:
             searching_s=now_s - self._since_s if self._name == "searching" else 0.0,
             looked_everywhere=target.track_id not in self._people.known
             or (self._search is not None and self._search.over),
-            on_way=self._name in ("following", "occluded") and self._on_way(now_s),
+            on_way=trusted and self._pursuit.on_way(self._pursued(now_s)),
             looks_around=self._looks_around(now_s),
             undecided=target.reason if self._choice.provisional is not None else "",
             proven=proven,
@@ -509,110 +491,38 @@ class Follower:
     def _drive(self, now_s: float, dt_s: float) -> tuple[float, float]:
         """Velocity of the present state: `following` and `occluded` drive, two turn on the spot."""
         if self._name == "searching" and self._search is not None:
-            bearing_rad = self._search.bearing_rad(self._motion.pose_soon())
-            rate = self._controller.turn_to(bearing_rad, self.settings.search_radps)
-            return self._controller.turn(rate, dt_s)
+            return self._pursuit.turn_to(self._search.bearing_rad(self._motion.pose_soon()), dt_s)
+        target = self._pursued(now_s)
         if self._name == "acquiring" and self._may_be_a_thing():
-            bearing_rad = self._goal(now_s + self.settings.robot_delay_s).bearing_rad
-            rate = self._controller.turn_to(bearing_rad, self.settings.search_radps)
-            return self._controller.turn(rate, dt_s)
+            return self._pursuit.turn_to(self._pursuit.goal(target).bearing_rad, dt_s)
         if self._name not in ("following", "occluded"):
-            return self._controller.stop()
-        goal = self._goal(now_s + self.settings.robot_delay_s)
-        seen, on_way = self._name == "following", self._on_way(now_s)
-        if not seen and not on_way and now_s - self._seen_s > self.settings.coast_s:
-            rate = self._controller.turn_to(goal.bearing_rad, self.settings.search_radps)
-            return self._controller.brake_and_turn(rate, dt_s)
-        people, target_id, pose = self._people, self.target.track_id, self._motion.pose
-        room = self._surroundings.room(
-            people, target_id, pose, now_s, self.state.linear_mps, self.state.angular_radps, seen,
-            on_way,
-        )  # fmt: skip
-        most_rad = _IN_VIEW * self._people.half_view_rad
-        way_m = min(goal.distance_m - self._surroundings.body_m - BODY_M - _SLACK_M, _WAY_M)
-        beside_rad = self._surroundings.detour_rad(goal.bearing_rad, way_m, most_rad)
-        if on_way or (seen and self._blocked(goal.bearing_rad + beside_rad, way_m)):
-            way = self._trail.way(self._motion.pose_soon(), self._surroundings.is_free)
-            if way is not None:
-                goal = _along(goal, way, seen, self.settings.distance_m)
-                aim_m = min(way.aim_m, _WAY_M)
-                beside_rad = self._surroundings.detour_rad(way.bearing_rad, aim_m, most_rad)
-        heading = replace(pose, heading_rad=pose.heading_rad + goal.bearing_rad)
-        sidestep_rad = beside_rad + self._surroundings.sidestep_rad(
-            people, target_id, heading, now_s, self.state.linear_mps
-        )
-        sidestep_rad = min(max(sidestep_rad, -most_rad), most_rad)
-        most_mps = max(self.state.linear_mps, _TRAIL_MPS * on_way)
-        return self._controller.follow(
-            goal, room, sidestep_rad, dt_s, math.inf if seen else most_mps
-        )
-
-    def _blocked(self, bearing_rad: float, way_m: float) -> bool:
-        """Whether a thing is in the way in a direction, and nobody who will have passed soon."""
-        return (
-            self.settings.trail_s > 0
-            and self._surroundings.is_blocked(bearing_rad, way_m)
-            and not self._somebody_towards(bearing_rad, way_m)
-        )
-
-    def _somebody_towards(self, bearing_rad: float, way_m: float) -> bool:
-        """Whether somebody else is about in a direction, and nearer than so far."""
-        return self._people.anybody_towards(
-            self._motion.pose, bearing_rad, way_m, self._now_s or 0.0, but=self.target.track_id
-        )
-
-    def _on_way(self, now_s: float) -> bool:
-        """Whether the target is hidden by a thing, and the way that they took is to be driven."""
-        track, person = self._track(), self._people.known.get(self.target.track_id or 0)
-        unseen_s = now_s - self._seen_s
-        if person is None or self._seen_s >= self._tracks_s:
-            self._goes_after = False
-            return False
-        pose = self._motion.pose
-        place = pose.seen(*person.filter.place_at(now_s))
-        bearing_rad = math.atan2(place[1], place[0])
-        if (
-            unseen_s > self.settings.trail_s
-            or (track is not None and track.occluded_by)
-            or self._somebody_towards(bearing_rad, math.hypot(*place))
-        ):
-            return False
-        way = self._trail.way(pose, self._surroundings.is_free)
-        if way is None or way.left_m <= _ARRIVED_M:
-            return False
-        # Who leaves the picture while the robot drives round a corner is gone after, too; once
-        # the place where they should be is in view, it is looked at.
-        hidden = self._surroundings.thing_hides(place, pose)
-        aside = abs(bearing_rad) > self._people.half_view_rad
-        self._goes_after |= hidden or (aside and way.aim_m < way.left_m)
-        return self._goes_after and (hidden or aside)
+            return self._pursuit.stand()
+        return self._pursuit.follow(target, self._name == "following", dt_s)
 
     def _drive_by_hand(self, now_s: float, dt_s: float) -> tuple[float, float]:
-        """Velocity that the hand wishes, slower than following, with the same braking."""
+        """Velocity that the hand wishes."""
         if self._estop:
             self._manual.stopped()
         wished = self._manual.wished(now_s)
         if wished is None or self._name != "idle":
-            return self._controller.stop()
-        room = self._surroundings.room(
-            self._people, None, self._motion.pose, now_s, self.state.linear_mps,
-            self.state.angular_radps, True,
-        )  # fmt: skip
-        s = self.settings
-        forward_mps = wished[0] * min(s.manual_linear_mps, s.max_linear_mps)
-        left_radps = wished[1] * min(s.manual_angular_radps, s.max_angular_radps)
-        return self._controller.by_hand(forward_mps, left_radps, room, dt_s)
+            return self._pursuit.stand()
+        return self._pursuit.by_hand(wished, now_s, dt_s)
 
     def _may_be_a_thing(self) -> bool:
         """Whether the target is in sight, but not proven to be a person."""
         track = self._track()
         return track is not None and not track.proven and track.id in self._people.seen
 
-    def _goal(self, t_s: float) -> Goal:
-        """The chosen person as seen when what is told now takes effect."""
-        person = self._people.known[self.target.track_id or 0]
-        pose = self._motion.pose_soon()
-        return Goal(pose.seen(*person.filter.place_at(t_s)), person.velocity(pose, t_s))
+    def _pursued(self, now_s: float) -> Pursued:
+        """The chosen person, as driving has to know them."""
+        track = self._track()
+        return Pursued(
+            track_id=self.target.track_id,
+            now_s=now_s,
+            unseen_s=now_s - self._seen_s,
+            missing=self._seen_s < self._tracks_s,
+            behind_people=track is not None and bool(track.occluded_by),
+        )
 
     def _track(self) -> Track | None:
         tracks = () if self._tracks is None else self._tracks.tracks
@@ -646,27 +556,9 @@ class Follower:
             bearing_rad=None if seen is None else math.atan2(left_m, ahead_m),
             identity_confidence=None if track is None else track.identity_confidence,
             runner_up_confidence=None if track is None else track.runner_up_confidence,
-            speed_reason=self._controller.speed_reason,
+            speed_reason=self._pursuit.speed_reason,
             pending_point_px=None if pending is None else pending.place_px,
             pending_for_s=None if pending is None else pending.for_s(now_s),
             obstacle_watch=free_m is not None, free_distance_m=free_m, nearest_person_m=nearest_m,
             driven_by=self._manual.source,
         )  # fmt: skip
-
-
-def _along(goal: Goal, way: Way, seen: bool, distance_m: float) -> Goal:
-    """Somebody at the end of a way, as if it were straight; who is not seen is driven up to.
-
-    Args:
-        goal: where they are.
-        way: that leads there.
-        seen: whether they are.
-        distance_m: wished to those that are seen.
-    """
-    towards = math.cos(way.bearing_rad), math.sin(way.bearing_rad)
-    ahead_m = way.left_m if seen else way.left_m + distance_m
-    speed_mps = math.hypot(*goal.velocity) if seen else 0.0
-    return Goal(
-        (ahead_m * towards[0], ahead_m * towards[1]),
-        (speed_mps * towards[0], speed_mps * towards[1]),
-    )
