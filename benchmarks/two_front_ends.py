@@ -45,7 +45,7 @@ from heel.services.runtime.command_line import run_app
 from heel.services.tracker.evidence.front_end import EvidenceFrame, EvidenceFrontEnd
 from heel.services.tracker.evidence.silhouette import Silhouette
 from heel.services.tracker.people.tracker import PeopleTracker
-from heel.services.tracker.people.tuning import evidence_tuning
+from heel.services.tracker.people.tuning import reporting_tuning
 from heel.services.tracker.settings import TrackerSettings
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -205,7 +205,7 @@ class Beside:
         reporting = TrackerSettings().reporting("foreground")
         self._front = _Evidence(reporting, identify=False)
         self._tracker = PeopleTracker(
-            self._front, evidence_tuning(reporting, False), (size.frame_width, size.frame_height)
+            self._front, reporting_tuning(reporting, False), (size.frame_width, size.frame_height)
         )
         self.background_s = self.tracker_s = 0.0
 

@@ -21,17 +21,17 @@ from heel.services.tracker.paper.tracker import BlobTracker
 from heel.services.tracker.people.carry import CameraStep
 from heel.services.tracker.people.front_end import FrontEnd
 from heel.services.tracker.people.tracker import PeopleTracker
-from heel.services.tracker.people.tuning import ROBOT, evidence_tuning, tuned
+from heel.services.tracker.people.tuning import ROBOT, reporting_tuning, tuned
+from heel.services.tracker.pointed.front_end import PointedFrontEnd
 from heel.services.tracker.report import tracks_of
 from heel.services.tracker.settings import Input, TrackerSettings
-from heel.services.tracker.sought import SoughtTracker
 from heel.services.tracker.state import CLASSES, MAX_BYTES, TrackerState
 from heel.services.tracker.timing import FrameClock
 from heel.services.tracker.trace import Changes, Event, Trace
 
 _log = logging.getLogger(__name__)
 
-Method = PeopleTracker[Any] | BlobTracker | SoughtTracker
+Method = PeopleTracker[Any] | BlobTracker
 _IDS_APART = 100
 """Ids left out at least after an interruption: in the second or two between a state that was kept
 and a crash a camera sees far fewer newcomers; chosen by hand."""
@@ -128,8 +128,14 @@ class Tracker:
         self, method: PeopleTracker[Any], blobs: Blobs, evidence: Image | None
     ) -> list[Track]:
         camera = None if blobs.camera_motion is None else CameraStep.told(blobs.camera_motion)
-        boxes = blobs.kind == "people"
-        frame = detected(blobs, self.settings.identify) if boxes else EvidenceFrame(blobs, evidence)
+        frame: Any
+        match _input(blobs):
+            case "people":
+                frame = detected(blobs, self.settings.identify)
+            case "pointed-at":
+                frame = blobs
+            case "foreground":
+                frame = EvidenceFrame(blobs, evidence)
         return tracks_of(method.update(frame, self._clock.t_s, camera))
 
     def _begin(self, blobs: Blobs) -> None:
@@ -198,10 +204,7 @@ class Tracker:
         if method is None or isinstance(method, BlobTracker):
             return
         fresh_id = (method.next_id // _IDS_APART + 2) * _IDS_APART + 1
-        if isinstance(method, SoughtTracker):
-            method.next_id = fresh_id
-        else:
-            method.interrupt(fresh_id)
+        method.interrupt(fresh_id)
 
     def _fingerprint(self) -> str:
         """What tells the settings that people rest on from others."""
@@ -213,18 +216,19 @@ class Tracker:
         settings = self.settings
         if kind == "foreground" and settings.preset == "paper":
             return BlobTracker(next_id, self._trace)
-        if kind == "pointed-at":
-            if self._calibration is not None:
-                _log.warning("tracker.calibration has no part in tracking a person pointed at")
-            return SoughtTracker(next_id, settings.reporting(kind), settings.identify)
+        reporting = settings.reporting(kind)
+        tuning = reporting_tuning(reporting, settings.identify)
         front: FrontEnd[Any]
-        if kind == "people":
-            tuning = tuned(ROBOT, settings)
-            front = BoxFrontEnd(tuning, size)
-        else:
-            reporting = settings.reporting(kind)
-            tuning = evidence_tuning(reporting, settings.identify)
-            front = EvidenceFrontEnd(reporting, settings.identify, self._calibration)
+        match kind:
+            case "people":
+                tuning = tuned(ROBOT, settings)
+                front = BoxFrontEnd(tuning, size)
+            case "pointed-at":
+                if self._calibration is not None:
+                    _log.warning("tracker.calibration has no part in tracking a person pointed at")
+                front = PointedFrontEnd(reporting, size[1], settings.identify)
+            case "foreground":
+                front = EvidenceFrontEnd(reporting, settings.identify, self._calibration)
         return PeopleTracker(front, tuning, size, next_id, self._trace)
 
 

@@ -1,7 +1,7 @@
 """From what a tracker knows of its people to the tracks of a message: the only maker of `Track`.
 
 What the fields mean is said once, at `heel.schemas.Track`; here it is made so for every tracker.
-The values come from the three that make a `Report`: paper/report.py, people/track.py and sought.py.
+The values come from the two that make a `Report`: paper/report.py and people/track.py.
 """
 
 from __future__ import annotations

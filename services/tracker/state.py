@@ -28,14 +28,13 @@ from heel.services.tracker.people.track import Track
 from heel.services.tracker.people.tracker import PeopleTracker
 from heel.services.tracker.people.tuning import Tuning
 from heel.services.tracker.people.verification import Verification, Verifications
+from heel.services.tracker.pointed.front_end import PointedFrontEnd
 from heel.services.tracker.settings import Reporting
-from heel.services.tracker.sought import SoughtTracker
 from heel.services.tracker.timing import FrameClock
 from heel.services.tracker.trace import Changes, Known, Trace
 
 MAX_BYTES = 16 << 20
 """Of a state: 128 people in sight, 64 remembered, and five galleries of each, is 12 MB."""
-Method = PeopleTracker[Any] | SoughtTracker
 
 
 @dataclass
@@ -56,7 +55,7 @@ class TrackerState:
     first_ns: int | None
     clock: FrameClock
     changes: Changes
-    method: Method
+    method: PeopleTracker[Any]
 
 
 _MOST_REDUCED_PX = 4096 * 4096
@@ -84,7 +83,7 @@ CLASSES = StateClasses(
     kept=(
         BoxFrontEnd, CameraMotion, Carrier, Changes, Contact, Contacts, EvidenceFrontEnd,
         FrameClock, Gallery, Identity, Known, Line, LookModel, LookStatistics, PeopleTracker,
-        Recall, Refit, Runs, RunningMedian, SceneScale, ScoreScale, Silhouette, SoughtTracker,
+        PointedFrontEnd, Recall, Refit, Runs, RunningMedian, SceneScale, ScoreScale, Silhouette,
         Track, TrackerState, Verification, Verifications, Working,
     ),
     fixed=(Trace, Tuning, Reporting, Calibration),
@@ -93,6 +92,7 @@ CLASSES = StateClasses(
         PeopleTracker: {"_covered": _nothing, "_hidden": _nothing},
         BoxFrontEnd: {"_frame": lambda: None, "_raw_of_track": list, "_free": list},
         EvidenceFrontEnd: {"_evidence": lambda: None},
+        PointedFrontEnd: {"_blob": lambda: None},
         Refit: {"reduced": dict},
     },
     examples=(

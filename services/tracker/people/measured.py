@@ -25,6 +25,8 @@ class Measurement:
         rivals: probability in [0, 1] that it is of any other track.
         best: the same of the likeliest other track.
         rival: that track.
+        told: probability in [0, 1] that it is the person of the id, where the detector knows the
+            person; None: the tracker decides.
     """
 
     track: Track
@@ -38,6 +40,7 @@ class Measurement:
     rivals: float = 0.0
     best: float = 0.0
     rival: Track | None = None
+    told: float | None = None
 
 
 @dataclass(slots=True)

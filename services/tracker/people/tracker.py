@@ -203,6 +203,9 @@ class PeopleTracker(Generic[Frame]):
     def _doubt(self, one: Measurement, unseen: Sequence[Track], t_s: float) -> None:
         """Lower the confidence in an identity by what a measurement leaves open."""
         track, pictures = one.track, self._front.pictures
+        if one.told is not None:
+            track.confidence = one.told
+            return
         track.doubt(one.rivals, one.best, self._sure_back(one, unseen, t_s))
         if not track.confirmed or self._identity.undecided(track):
             return
@@ -270,6 +273,8 @@ class PeopleTracker(Generic[Frame]):
             if track.confirmed and id(track) not in kept:
                 self._recall.lose(track, pictures)
         self._tracks = stay
+        here = {track.track_id for track in stay}
+        self._recall.lost = [track for track in self._recall.lost if track.track_id not in here]
         self._recall.forget(t_s, pictures)
 
     def _confirm(self, t_s: float) -> None:

@@ -93,8 +93,8 @@ def tuned(usual: Tuning, settings: TrackerSettings) -> Tuning:
     return replace(usual, **{name: value for name, value in own.items() if value is not None})
 
 
-def evidence_tuning(reporting: Reporting, identify: bool) -> Tuning:
-    """The thresholds on evidence, of which births and reports are the front end's own.
+def reporting_tuning(reporting: Reporting, identify: bool) -> Tuning:
+    """The thresholds where births and reports are the front end's own.
 
     Args:
         reporting: for how long people are kept.

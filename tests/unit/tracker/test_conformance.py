@@ -211,7 +211,7 @@ def test_one_person_pointed_at_is_lost_while_hidden_and_the_same_after() -> None
     frames = played("pointed-at", "merge, occlusion and split")
     states = [track.state for tracks in frames for track in tracks.tracks]
     runs = [state for state, _ in itertools.groupby(states)]
-    assert runs == ["new", "tracked", "lost", "tracked"]
+    assert runs == ["tracked", "lost", "tracked"]
     assert {track.id for tracks in frames for track in tracks.tracks} == {1}
 
 

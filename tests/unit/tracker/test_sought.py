@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from heel.schemas import Blob, Blobs, CameraMotion, Patch, Tracks
 from heel.services.tracker.core import Tracker
 from heel.services.tracker.settings import TrackerSettings
+from heel.services.tracker.trace import Event, Trace
 
 _PATCH = Patch.from_array(np.zeros((2, 2, 3), np.uint8))
 
@@ -39,16 +40,16 @@ def play(frames: Sequence[Blobs]) -> list[Tracks]:
 
 
 def test_they_are_shown_from_the_third_frame_on() -> None:
-    tracks = [message.tracks[0] for message in play([frame(k, blob(10.0)) for k in range(4)])]
-    assert [track.state for track in tracks] == ["new", "new", "tracked", "tracked"]
-    assert [track.shown for track in tracks] == [False, False, True, True]
+    told = [message.tracks for message in play([frame(k, blob(10.0)) for k in range(4)])]
+    assert [len(tracks) for tracks in told] == [0, 0, 1, 1]
+    assert all(track.state == "tracked" and track.shown for tracks in told for track in tracks)
 
 
 def test_whether_they_are_proven_is_passed_on_as_it_is_told() -> None:
-    told = [False, False, False, True, True, False]
+    told = [False, False, False, False, True, True]
     frames = [frame(k, blob(10.0, proven=proven)) for k, proven in enumerate(told)]
-    tracks = [message.tracks[0] for message in play([*frames, frame(6, None)])]
-    assert [track.proven for track in tracks] == [*told, False]
+    tracks = [message.tracks[0] for message in play([*frames, frame(6, None)])[2:]]
+    assert [track.proven for track in tracks] == [*told[2:], True]
 
 
 def test_they_keep_their_id_wherever_and_whenever_they_come_back() -> None:
@@ -64,8 +65,11 @@ def test_they_keep_their_id_wherever_and_whenever_they_come_back() -> None:
 
 
 def test_somebody_else_who_is_sought_gets_another_id() -> None:
-    messages = play([*(frame(k, blob(10.0)) for k in range(5)), frame(5, blob(10.0), sought=2)])
-    assert messages[4].tracks[0].id != messages[5].tracks[0].id
+    first = [frame(k, blob(10.0)) for k in range(5)]
+    second = [frame(k, blob(10.0), sought=2) for k in range(5, 10)]
+    messages = play([*first, *second])
+    assert not messages[5].tracks
+    assert messages[4].tracks[0].id != messages[9].tracks[0].id
 
 
 def test_velocity_and_the_place_of_somebody_missed_follow_person_and_camera() -> None:
@@ -73,7 +77,7 @@ def test_velocity_and_the_place_of_somebody_missed_follow_person_and_camera() ->
     turned = CameraMotion(affine=(1.0, 0.0, 30.0, 0.0, 1.0, 0.0), quality=1.0)
     messages = play([*walking, frame(40, None, motion=turned)])
     assert messages[39].tracks[0].velocity_pxps == pytest.approx((40.0, 0.0), abs=0.5)
-    assert messages[40].tracks[0].box_xyxy[0] == pytest.approx(88.0 + 30.0)
+    assert messages[40].tracks[0].box_xyxy[0] == pytest.approx(88.0 + 2.0 + 30.0, abs=0.5)
 
 
 def test_only_one_can_be_sought_and_only_of_people() -> None:
@@ -99,3 +103,12 @@ def test_an_impossible_camera_ends_no_tracker(affine: tuple[float, ...]) -> None
     unseen = [frame(k, None, motion=motion) for k in range(4, 9)]
     messages = play([*(frame(k, blob(10.0)) for k in range(4)), *unseen, frame(9, blob(10.0))])
     assert messages[-1].tracks[0].id == 1
+
+
+def test_a_person_who_comes_back_is_not_also_remembered_as_away() -> None:
+    events: list[Event] = []
+    tracker = Tracker(TrackerSettings(), trace=Trace(events.append))
+    for seq in range(2600):
+        tracker.update(frame(seq, None if 5 <= seq < 40 else blob(10.0)))
+    told = [event.kind for event in events if event.id == 1]
+    assert told == ["confirmed", "unseen", "gone", "confirmed"]

@@ -209,7 +209,7 @@ def test_silhouettes_that_met_are_decided_with_odds_or_left_open() -> None:
 
 def test_doubt_in_the_person_pointed_at_and_their_loss_are_told() -> None:
     events, _ = played("pointed-at")
-    assert kinds(events) == ["born", "confirmed", "unsure", "sure", "unseen", "gone"]
+    assert kinds(events) == ["confirmed", "unsure", "sure", "unseen", "gone"]
 
 
 def test_another_scene_forgets_everybody_by_name() -> None:
