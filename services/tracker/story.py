@@ -27,7 +27,6 @@ _METHODS = {
 _CAUSES = {
     "confidence": "too little confidence was left in it",
     "return": "the box after the gap was too probably another track's",
-    "contact": "after the contact nobody could say which person it is",
     "newcomer": "a newcomer came forth from the same box, and fits the id better",
 }
 

@@ -32,7 +32,7 @@ Kind = Literal[
     "contact", "decided", "assigned", "returned", "re-identified", "new", "given up",
     "verifying", "verified", "full",
 ]  # fmt: skip
-Cause = Literal["confidence", "return", "contact", "newcomer"]
+Cause = Literal["confidence", "return", "newcomer"]
 Probability = Annotated[float, Field(ge=0, le=1)]
 LogOdds = Annotated[float, Field(ge=-MOST_LOG_ODDS, le=MOST_LOG_ODDS)]
 _Count = Annotated[int, Field(ge=0, lt=2**63)]
@@ -48,7 +48,7 @@ class Event:
         other: the second id: met, exchanged with, newcomer, or the id that the track goes on with.
         outcome: of a decision; "open" where it had to end without one.
         cause: why an id was given up: confidence too low, another track probable at the return,
-            a contact that cannot be told, a newcomer from the same box.
+            a newcomer from the same box.
         probability: of what was decided; of a track that is unsure, its identity confidence.
         runner_up: id of the next best answer; 0 for a person not known, or for none.
         runner_up_probability: of that answer.

@@ -241,20 +241,3 @@ def _close(contact: Contact, kept_log_odds: float, exchanged: bool) -> None:
             track.vouched = None
         track.confidence = contact.confidences[who] * sure
         track.runner_up = 1 - sure
-
-
-def pairs_in_doubt(sure: FloatArray, pairs: Sequence[tuple[int, int]], least: float) -> list[
-    tuple[int, int]
-]:  # fmt: skip
-    """Pairs (track that got a box, other track that may own it) of at least that probability.
-
-    Args:
-        sure: (N, M) marginal probabilities of tracks and boxes. pairs: (track, box) as assigned.
-        least: probability from which the other track counts.
-    """
-    found = []
-    for i, j in pairs:
-        for other in np.flatnonzero(sure[:, j] >= least).tolist():
-            if other != i:
-                found.append((i, other))
-    return found
