@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from heel.services.tracker.evidence.arrays import FloatMap, Floats, Foot
+from heel.services.tracker.evidence.arrays import FloatMap, Floats, Foot, shrunk
 from heel.services.tracker.evidence.template import CLUTTER, Template, template
 
 _LOG_CLUTTER = float(np.log(CLUTTER))
@@ -85,10 +85,10 @@ class Canvas:
         self.tallest = tallest
         self.step = step
         self.ratio = ratio
-        self._reduced_size = (max(self.columns // step, 1), max(self.rows // step, 1))
         margin = self.margin = int(_MARGIN_HEIGHTS * tallest / step) + _MARGIN_PX
         self.inner = (slice(margin, -margin), slice(margin, -margin))
-        shape = (self._reduced_size[1] + 2 * margin, self._reduced_size[0] + 2 * margin)
+        reduced = max(self.columns // step, 1), max(self.rows // step, 1)
+        shape = (reduced[1] + 2 * margin, reduced[0] + 2 * margin)
         # Outside the image nothing is known: no evidence for and none against.
         self.known: FloatMap = np.zeros(shape, np.float32)
         self.known[self.inner] = 1.0
@@ -99,13 +99,7 @@ class Canvas:
 
     def load(self, evidence: FloatMap) -> None:
         """Start a frame without people; `evidence` is (H, W) in [0, 1] at working size."""
-        if self.step > 1:
-            # A whole factor is much faster than resizing to a rounded size.
-            columns, rows = self._reduced_size
-            whole = evidence[: rows * self.step, : columns * self.step]
-            resized = cv2.resize(whole, self._reduced_size, interpolation=cv2.INTER_AREA)
-            evidence = np.asarray(resized, np.float32)
-        self.evidence[self.inner] = evidence
+        self.evidence[self.inner] = shrunk(evidence, self.step)
         np.subtract(self.known, self.evidence, out=self.absent)
         self.log_free.fill(0.0)
         self._nearer.fill(0.0)

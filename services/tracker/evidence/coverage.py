@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
 from heel.services.geometry.boxes import intersection_matrix
-from heel.services.tracker.evidence.arrays import FloatMap, Floats, Foot
+from heel.services.tracker.evidence.arrays import FloatMap, Floats, Foot, box_at, shrunk
 from heel.services.tracker.evidence.template import CLUTTER, Template, template
 
 _TEMPLATE_ROWS = 15.0
@@ -67,14 +67,7 @@ def reduction(typical_height: float) -> int:
 
 def reduce(rest: FloatMap, absent: FloatMap, step: int) -> FloatMap:
     """Unexplained evidence and absence, (H, W) each, reduced by `step` to (H', W', 2)."""
-    columns, rows = max(rest.shape[1] // step, 1), max(rest.shape[0] // step, 1)
-    # A whole factor is much faster than resizing to a rounded size.
-    whole = (slice(0, rows * step), slice(0, columns * step))
-    small = [
-        cv2.resize(each[whole], (columns, rows), interpolation=cv2.INTER_AREA)
-        for each in (rest, absent)
-    ]
-    return np.asarray(cv2.merge(small), np.float32)
+    return np.asarray(cv2.merge([shrunk(rest, step), shrunk(absent, step)]), np.float32)
 
 
 def standing(
@@ -184,10 +177,9 @@ def _without_overlap(peaks: Sequence[_Peak], step: int, line: HeightLine) -> lis
     for peak in sorted(peaks, key=lambda peak: (-peak.total, peak.column, peak.row)):
         foot = ((peak.column + 0.5) * step - 0.5, (peak.row + 0.5) * step - 0.5)
         height = line.height(foot[1])
-        half = 0.5 * line.ratio * height
-        box = np.array([foot[0] - half, foot[1] - height, foot[0] + half, foot[1]])
+        box = np.array(box_at(foot, height, line.ratio))
         common = intersection_matrix(boxes, box[None])
-        if (common > _OVERLAP * 2 * half * height).any():
+        if (common > _OVERLAP * line.ratio * height * height).any():
             continue
         boxes = np.vstack([boxes, box])
         chosen.append(Standing(foot, height, peak.total, peak.gain))

@@ -20,7 +20,6 @@ from heel.schemas.tracks import MAX_TRACKS
 from heel.services.geometry.boxes import cover_of_smaller
 from heel.services.geometry.calibration_file import Calibration
 from heel.services.tracker.evidence.arrays import FloatMap, Image
-from heel.services.tracker.evidence.calibrated import line_of
 from heel.services.tracker.evidence.canvas import Canvas, Fit
 from heel.services.tracker.evidence.fitting import (
     births,
@@ -39,6 +38,7 @@ from heel.services.tracker.evidence.lifecycle import (
     observe_motion,
     without_duplicates,
 )
+from heel.services.tracker.evidence.line import line_of
 from heel.services.tracker.evidence.pixels import painted
 from heel.services.tracker.evidence.samples import Sample, samples_of
 from heel.services.tracker.evidence.scale import SceneScale

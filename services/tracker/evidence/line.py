@@ -1,13 +1,16 @@
-"""Height as a line over the foot row, and the line nearest to samples of it."""
+"""Height as a line over the foot row: nearest to samples of it, or of a calibrated camera."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from heel.services.geometry.calibration_file import Calibration
+from heel.services.geometry.camera import Pinhole
 from heel.services.tracker.evidence.arrays import Floats
 
 WIDTH_RATIO = 0.37
@@ -25,6 +28,15 @@ _LEAST_SAMPLES = 4
 _SWEEPS = 6
 """Reweighted least-squares fits of each line; more cost time. Chosen by hand."""
 
+_PERSON_M = 1.75
+"""Metres: height of a usual adult in shoes; chosen by hand."""
+_ROWS = 16
+"""Foot rows at which a calibration gives the height, evenly over the picture: two fix a line, more
+even out that the height is not quite one; chosen by hand."""
+_LOWEST_PX = 8.0
+"""Working pixels: lower people stand near the horizon, where nothing can be told from clutter;
+chosen by hand."""
+
 
 @dataclass(frozen=True)
 class Line:
@@ -41,6 +53,29 @@ class Line:
     def moved(self, shift: float) -> Line:
         """The same line after everything has moved down by `shift` working pixels."""
         return Line(self.slope, self.offset - self.slope * shift, self.ratio)
+
+
+def line_of(calibration: Calibration, shape: tuple[int, ...]) -> Line | None:
+    """The height line of the middle of the picture; None where no person could stand in it.
+
+    Args:
+        calibration: of the camera.
+        shape: rows and columns of the working image.
+    """
+    rows, columns = shape[0], shape[1]
+    fov_rad = math.radians(calibration.horizontal_fov_deg)
+    camera = Pinhole.from_fov(columns, rows, fov_rad).mounted(
+        calibration.mount_height_m, math.radians(calibration.mount_pitch_deg)
+    )
+    feet = np.linspace(0.0, 1.1 * rows, _ROWS)
+    heights = camera.person_height_px(
+        np.stack([np.full(_ROWS, columns / 2.0), feet], axis=-1), _PERSON_M
+    )
+    used = np.isfinite(heights) & (heights > _LOWEST_PX)
+    if used.sum() < 2:
+        return None
+    slope, offset = np.polyfit(feet[used], heights[used], 1, w=1.0 / heights[used])
+    return Line(float(slope), float(offset))
 
 
 def refined(

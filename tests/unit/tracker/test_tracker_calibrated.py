@@ -8,7 +8,7 @@ import pytest
 from heel.schemas import SettingsError
 from heel.services.geometry.calibration_file import Calibration
 from heel.services.tracker.core import Tracker, configured
-from heel.services.tracker.evidence.calibrated import line_of
+from heel.services.tracker.evidence.line import line_of
 from heel.services.tracker.evidence.scale import Line, SceneScale
 from heel.services.tracker.settings import TrackerSettings
 from tests.unit.tracker.drawn_people import RED, follow, straight
