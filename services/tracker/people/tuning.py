@@ -21,30 +21,30 @@ class Tuning:
         hidden_score: mean score below which a shown track is hidden again, likewise.
         near_height: height below which a new track is not shown while a nearer person is in sight,
             picture heights.
-        min_height: height below which no track is shown, picture heights.
         show_missed_s: time without a box for which a track is still shown.
-        forget_s: time without a box for which a track takes boxes, appearance unknown.
-        forget_known_s: the same, where appearance guards against a wrong box.
         trust: least probability of a return that gives the old id back; above 1 none does.
-        rivals: probability that the box of a track that was out of sight is another's, above which
-            it gets a fresh id; where appearance is known that decides instead.
         most_against_present: most log odds that colours take from a track that was seen a moment
             ago and that no other covers.
         reassure: weight of colours in settling a doubt, share of their log odds per second.
+        min_height: height below which no track is shown, picture heights.
+        forget_s: time without a box for which a track takes boxes, appearance unknown.
+        forget_known_s: the same, where appearance guards against a wrong box.
+        rivals: probability that the box of a track that was out of sight is another's, above which
+            it gets a fresh id; where appearance is known that decides instead.
     """
 
     birth_score: float
     shown_score: float
     hidden_score: float
     near_height: float
-    min_height: float
     show_missed_s: float
-    forget_s: float
-    forget_known_s: float
     trust: float
-    rivals: float
     most_against_present: float
     reassure: float
+    min_height: float = 0.0
+    forget_s: float = 0.7
+    forget_known_s: float = 2.0
+    rivals: float = 0.1
 
 
 FILE = Tuning(
@@ -52,12 +52,8 @@ FILE = Tuning(
     shown_score=0.92,
     hidden_score=0.85,
     near_height=0.0,
-    min_height=0.0,
     show_missed_s=0.0,
-    forget_s=0.7,
-    forget_known_s=2.0,
     trust=0.65,
-    rivals=0.1,
     most_against_present=12.0,
     reassure=0.0,
 )
@@ -68,12 +64,8 @@ ROBOT = Tuning(
     shown_score=0.85,
     hidden_score=0.4,
     near_height=0.08,
-    min_height=0.0,
     show_missed_s=0.15,
-    forget_s=0.7,
-    forget_known_s=2.0,
     trust=0.75,
-    rivals=0.1,
     most_against_present=3.0,
     reassure=1.0,
 )
