@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from heel.services.geometry.calibration_file import Calibration
 from heel.services.runtime.state_bytes import StateClasses, StateError
 from heel.services.tracker.boxes.front_end import BoxFrontEnd
@@ -20,7 +18,6 @@ from heel.services.tracker.evidence.silhouette import Silhouette, Working
 from heel.services.tracker.people.camera_motion import CameraMotion
 from heel.services.tracker.people.carry import Carrier
 from heel.services.tracker.people.contacts import Contact, Contacts
-from heel.services.tracker.people.geometry import FloatArray
 from heel.services.tracker.people.identity import Identity
 from heel.services.tracker.people.looks import Gallery, LookModel, LookStatistics
 from heel.services.tracker.people.recall import Recall
@@ -74,10 +71,6 @@ def _made_with(canvas: Canvas) -> tuple[Any, ...]:
     return canvas.rows, canvas.columns, canvas.tallest, canvas.step, canvas.ratio
 
 
-def _nothing() -> FloatArray:
-    return np.zeros(0)
-
-
 CLASSES = StateClasses(
     what="tracker",
     kept=(
@@ -89,7 +82,6 @@ CLASSES = StateClasses(
     fixed=(Trace, Tuning, Reporting, Calibration),
     rebuilt={Canvas: (_made_with, _canvas)},
     transient={
-        PeopleTracker: {"_covered": _nothing, "_hidden": _nothing},
         BoxFrontEnd: {"_frame": lambda: None, "_raw_of_track": list, "_free": list},
         EvidenceFrontEnd: {"_evidence": lambda: None},
         PointedFrontEnd: {"_blob": lambda: None},

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
+import numpy as np
+
 from heel.services.tracker.people.carry import CameraStep
 from heel.services.tracker.people.geometry import FloatArray
 from heel.services.tracker.people.identity import Identity
@@ -20,7 +22,7 @@ class Scene:
     Attributes:
         tracks: N in sight, or shortly out of it.
         mean, covariance: (N, 4, 2) and (N, 4, 2, 2), see `kalman`.
-        hidden: (N,) share in [0, 1] of each box that the nearer one which hides most of it covers.
+        covered: (N, N) share in [0, 1] of each box that each nearer one covers.
         identity: what is known of appearance.
         t_s: time of the frame; elapsed_s: since the frame before.
         camera: how the picture moved since then; None: not told.
@@ -29,11 +31,16 @@ class Scene:
     tracks: Sequence[Track]
     mean: FloatArray
     covariance: FloatArray
-    hidden: FloatArray
+    covered: FloatArray
     identity: Identity
     t_s: float
     elapsed_s: float
     camera: CameraStep | None
+
+    @property
+    def hidden(self) -> FloatArray:
+        """(N,) share in [0, 1] of each box that the nearer one which hides most of it covers."""
+        return np.asarray(self.covered.max(axis=1, initial=0.0))
 
 
 UNSEEN = "out of sight"

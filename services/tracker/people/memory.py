@@ -24,6 +24,7 @@ from heel.services.tracker.people.kalman import (
     NOISE_HEIGHT,
 )
 from heel.services.tracker.people.track import Track
+from heel.services.tracker.trace import Event, probable
 
 _RETURN_RATE = 0.5
 """Prior probability that a person just lost comes back; chosen by hand."""
@@ -82,6 +83,22 @@ class Claim(NamedTuple):
     runner_up_probability: float
     new_probability: float
     holds: bool
+
+    def event(self) -> Event:
+        """The re-identification, or whom the newcomer was compared with and is not."""
+        known, new = self.known.track_id, self.newcomer.track_id
+        if not self.holds:
+            return Event(
+                "new", id=new, probability=probable(self.new_probability), runner_up=known,
+                runner_up_probability=probable(self.probability),
+            )  # fmt: skip
+        rival, rival_probability = 0, self.new_probability
+        if self.runner_up is not None and self.runner_up_probability > rival_probability:
+            rival, rival_probability = self.runner_up.track_id, self.runner_up_probability
+        return Event(
+            "re-identified", id=known, other=new, probability=probable(self.probability),
+            runner_up=rival, runner_up_probability=probable(rival_probability),
+        )  # fmt: skip
 
 
 def return_log_odds(

@@ -37,7 +37,7 @@ _MOST_EXISTENCE = 0.99
 
 @dataclass(eq=False)
 class Track:
-    """Mutable record of one person; the box tracker and its parts alone change it."""
+    """Mutable record of one person; the tracker, its parts and its front end alone change it."""
 
     mean: FloatArray  # (4, 2), see kalman
     covariance: FloatArray  # (4, 2, 2)

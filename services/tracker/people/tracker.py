@@ -26,7 +26,6 @@ from heel.services.tracker.people.geometry import (
 )
 from heel.services.tracker.people.identity import Identity
 from heel.services.tracker.people.measured import Measured, Measurement
-from heel.services.tracker.people.memory import Claim
 from heel.services.tracker.people.merged import correct_merged
 from heel.services.tracker.people.recall import Recall
 from heel.services.tracker.people.track import Track
@@ -90,7 +89,6 @@ class PeopleTracker(Generic[Frame]):
         self._camera = CameraMotion()
         self._carried = False
         self._last_s: float | None = None
-        self._elapsed_s = 0.0
         self._withheld: dict[str, int] = {}
 
     @property
@@ -114,10 +112,10 @@ class PeopleTracker(Generic[Frame]):
             raise HeelError(f"frame at {t_s} s after one at {self._last_s} s; sort frames by time")
         scene = self._predict(t_s, camera)
         measured = self._front.measure(frame, scene)
-        self._correct(measured, t_s)
+        self._correct(measured, scene)
         correct_merged(measured.merges, t_s)
-        self._identify(measured, t_s)
-        self._miss(measured)
+        self._identify(measured, scene)
+        self._miss(measured, scene)
         self._bury(self._front.take_stock(self._tracks, measured, t_s), t_s)
         self._confirm(t_s)
         self._withheld = {}
@@ -141,7 +139,7 @@ class PeopleTracker(Generic[Frame]):
 
     def _predict(self, t_s: float, camera: CameraStep | None) -> Scene:
         elapsed_s = 0.0 if self._last_s is None else max(t_s - self._last_s, 0.0)
-        self._last_s, self._elapsed_s = t_s, elapsed_s
+        self._last_s = t_s
         everyone = self._tracks + self._recall.lost + self._identity.ahead()
         if everyone:
             mean, covariance = kalman.predict(
@@ -161,17 +159,16 @@ class PeopleTracker(Generic[Frame]):
         self._recall.lost = [track for track in self._recall.lost if track.is_somewhere()]
         mean = np.zeros((0, AXES, 2))
         covariance = np.zeros((0, AXES, 2, 2))
-        self._covered, hidden = np.zeros((0, 0)), np.zeros(0)
         if self._tracks:
             mean = np.stack([track.mean for track in self._tracks])
             covariance = np.stack([track.covariance for track in self._tracks])
-            self._covered = covered_by(measurements_to_boxes(mean[:, :, 0]))
-            hidden = self._covered.max(axis=1)
-        self._hidden = hidden
-        return Scene(self._tracks, mean, covariance, hidden, self._identity, t_s, elapsed_s, camera)
+        covered = covered_by(measurements_to_boxes(mean[:, :, 0]))
+        return Scene(
+            self._tracks, mean, covariance, covered, self._identity, t_s, elapsed_s, camera
+        )  # fmt: skip
 
-    def _correct(self, measured: Measured, t_s: float) -> None:
-        singles = measured.singles
+    def _correct(self, measured: Measured, scene: Scene) -> None:
+        singles, t_s = measured.singles, scene.t_s
         if not singles:
             return
         tracks = [one.track for one in singles]
@@ -179,50 +176,58 @@ class PeopleTracker(Generic[Frame]):
         variance = np.stack([one.variance for one in singles])
         mean = np.stack([track.mean for track in tracks])
         covariance = np.stack([track.covariance for track in tracks])
-        recent_s = t_s - 1.5 * self._elapsed_s
-        steady = [k for k, track in enumerate(tracks) if track.hits > 3 and track.seen_s > recent_s]
-        surprise = seen[:, :2] - mean[:, :2, 0]
-        if not self._carried:  # who is told how the camera moves need not guess
-            self._camera.learn((surprise / np.exp(mean[:, 2, :1]))[steady])
         found = {id(track) for track in tracks}
         unseen = [track for track in self._tracks if id(track) not in found]
-        if len(steady) >= _LEAST_WITNESSES and not self._camera.stands():
-            shift_unseen(unseen, surprise[steady], covariance[steady], variance[steady])
+        self._guess_camera(singles, unseen, scene)
         mean, covariance = kalman.update(mean, covariance, seen, variance)
         for k, track in enumerate(tracks):
             track.mean, track.covariance = mean[k], covariance[k]
         known = np.array([t.box() for t in tracks if t.confirmed]).reshape(-1, 4)
         for one in singles:
-            self._doubt(one, unseen, t_s)
+            self._doubt(one, unseen, scene)
             track, shared = one.track, 0.0
             if not track.confirmed and len(known):
                 shared = float(iou_matrix(track.box()[None], known).max())
             track.proven = track.proven or one.proven
             track.believe(one.score, shared, one.alone, t_s)
 
-    def _doubt(self, one: Measurement, unseen: Sequence[Track], t_s: float) -> None:
+    def _guess_camera(
+        self, singles: Sequence[Measurement], unseen: Sequence[Track], scene: Scene
+    ) -> None:
+        """Learn from surprises that people share whether the camera moves; `unseen` move along."""
+        recent_s = scene.t_s - 1.5 * scene.elapsed_s
+        steady = [one for one in singles if one.track.hits > 3 and one.track.seen_s > recent_s]
+        mean = np.array([one.track.mean for one in steady]).reshape(-1, AXES, 2)
+        surprise = np.array([one.value[:2] for one in steady]).reshape(-1, 2) - mean[:, :2, 0]
+        if not self._carried:  # who is told how the camera moves need not guess
+            self._camera.learn(surprise / np.exp(mean[:, 2, :1]))
+        if len(steady) >= _LEAST_WITNESSES and not self._camera.stands():
+            covariance = np.stack([one.track.covariance for one in steady])
+            shift_unseen(unseen, surprise, covariance, np.stack([one.variance for one in steady]))
+
+    def _doubt(self, one: Measurement, unseen: Sequence[Track], scene: Scene) -> None:
         """Lower the confidence in an identity by what a measurement leaves open."""
         track, pictures = one.track, self._front.pictures
         if one.told is not None:
             track.confidence = one.told
             return
-        track.doubt(one.rivals, one.best, self._sure_back(one, unseen, t_s))
+        track.doubt(one.rivals, one.best, self._sure_back(one, unseen, scene))
         if not track.confirmed or self._identity.undecided(track):
             return
-        away_s = 0.0 if pictures else t_s - track.seen_s
-        back = away_s > max(_AWAY_S, 1.5 * self._elapsed_s)
+        away_s = 0.0 if pictures else scene.t_s - track.seen_s
+        back = away_s > max(_AWAY_S, 1.5 * scene.elapsed_s)
         low = track.confidence < _GIVE_UP
         if low or (back and one.rivals > self._tuning.rivals):
             track.track_id = self._give_up(track, "confidence" if low else "return", one)
             track.confidence = 1.0
 
-    def _sure_back(self, one: Measurement, unseen: Sequence[Track], t_s: float) -> float:
+    def _sure_back(self, one: Measurement, unseen: Sequence[Track], scene: Scene) -> float:
         """Factor in [0, 1] on the confidence in a track that is measured after time unseen."""
         track = one.track
         if not self._front.pictures:
-            unseen_s = max(t_s - self._elapsed_s - track.seen_s, 0.0)
+            unseen_s = max(scene.t_s - scene.elapsed_s - track.seen_s, 0.0)
             return math.exp(-unseen_s / _DOUBT_S)
-        away = t_s - track.seen_s > _AWAY_S
+        away = scene.t_s - track.seen_s > _AWAY_S
         track.returning = track.confirmed and (track.returning or away)
         if not track.returning or one.look is None:
             return 1.0
@@ -230,19 +235,21 @@ class PeopleTracker(Generic[Frame]):
         missing = self._recall.lost + [other for other in unseen if other.confirmed]
         return self._identity.back(track, one.look, missing, self._recall.at_edge(track))
 
-    def _identify(self, measured: Measured, t_s: float) -> None:
+    def _identify(self, measured: Measured, scene: Scene) -> None:
         """Let appearance settle doubts, and learn the appearance of people in the clear."""
         if not self._front.pictures:
             return
-        lost = self._recall.lost
-        self._identity.reassure(measured.singles, self._tracks + lost, self._elapsed_s)
-        for doubt in self._identity.learn(measured, (self._tracks, lost), (t_s, self._elapsed_s)):
+        lost, times_s = self._recall.lost, (scene.t_s, scene.elapsed_s)
+        self._identity.reassure(measured.singles, self._tracks + lost, scene.elapsed_s)
+        for doubt in self._identity.learn(measured, (self._tracks, lost), times_s):
             fresh = self._give_up(doubt.track, "newcomer")
-            person = doubt.track.part(fresh, doubt.galleries[0], t_s)
+            person = doubt.track.part(fresh, doubt.galleries[0], scene.t_s)
             if doubt.person_is_known():
                 self._recall.lose(person, pictures=True)
 
-    def _miss(self, measured: Measured) -> None:
+    def _miss(self, measured: Measured, scene: Scene) -> None:
+        """Note who was not measured, and who stands in front of whom."""
+        hidden = scene.hidden
         alone = {id(one.track) for one in measured.singles if one.alone}
         seen = alone | {id(one.track) for one in measured.singles}
         seen |= {id(track) for merge in measured.merges for track in merge.tracks}
@@ -250,13 +257,13 @@ class PeopleTracker(Generic[Frame]):
             track.in_front = ()
             if id(track) in alone:
                 continue
-            hiding = np.flatnonzero(self._covered[index] > _HIDDEN)
+            hiding = np.flatnonzero(scene.covered[index] > _HIDDEN)
             track.in_front = tuple(self._tracks[k] for k in hiding.tolist())
             if id(track) in seen:
                 continue
             track.missed_frames += 1
             if not track.confirmed:
-                visible = self._front.detection_rate * (1 - self._hidden[index])
+                visible = self._front.detection_rate * (1 - hidden[index])
                 track.existence *= (1 - visible) / (1 - track.existence * visible)
 
     def _bury(self, going_on: Sequence[Track], t_s: float) -> None:
@@ -287,7 +294,7 @@ class PeopleTracker(Generic[Frame]):
         claims = self._recall.recognised(ready, self._tracks, t_s, stands, pictures)
         found = [claim for claim in claims if claim.holds]
         for claim in found:
-            self._note_claim(claim)
+            self._trace.note(claim.event())
             claim.newcomer.become(claim.known, claim.probability)
             self._identity.go_on(claim.known, claim.newcomer)
         known = {id(claim.known) for claim in found}
@@ -301,7 +308,7 @@ class PeopleTracker(Generic[Frame]):
                 self._identity.given_up(other)
         for claim in claims:
             if not claim.holds and claim.newcomer.track_id:
-                self._note_claim(claim)
+                self._trace.note(claim.event())
 
     def _report(self, track: Track, t_s: float) -> Report:
         at_side = self._recall.at_side(track)
@@ -309,20 +316,6 @@ class PeopleTracker(Generic[Frame]):
         if why and why != UNSEEN:
             self._withheld[why] = self._withheld.get(why, 0) + 1
         return track.report(t_s, self._front.pictures, not why)
-
-    def _note_claim(self, claim: Claim) -> None:
-        """Note a re-identification, or the person that a newcomer was compared with and is not."""
-        known, new = claim.known.track_id, claim.newcomer.track_id
-        rival, rival_probability = 0, claim.new_probability
-        if claim.runner_up is not None and claim.runner_up_probability > rival_probability:
-            rival, rival_probability = claim.runner_up.track_id, claim.runner_up_probability
-        self._trace.note(
-            Event("re-identified", id=known, other=new, probability=probable(claim.probability),
-                  runner_up=rival, runner_up_probability=probable(rival_probability))
-            if claim.holds else
-            Event("new", id=new, probability=probable(claim.new_probability), runner_up=known,
-                  runner_up_probability=probable(claim.probability))
-        )  # fmt: skip
 
     def _give_up(self, track: Track, cause: Cause, one: Measurement | None = None) -> int:
         """Note that a track's id is given up; the fresh one."""
