@@ -139,6 +139,9 @@ def test_one_service_each_and_the_commands_for_what_is_running(tmp_path: Path) -
         wait_until(everything_flows, "all services ok and sending", 60.0)
         for line in block_with("heel status"):
             done = run(line, tmp_path, **environment)
+            while "choose again when the picture is live" in done.stderr:
+                # As it says: a machine with other work holds up a picture now and then.
+                done = run(line, tmp_path, **environment)
             assert done.returncode == 0, f"{line}: {done.stderr}"
 
 
