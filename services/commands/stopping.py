@@ -83,10 +83,12 @@ def resume(
     line = RobotLine(where)
     here = _Here(where, None)
     line.wait(lambda heard, now_s: heard.failure != "" or (
-        here.done and refusal(heard, here.answers, without_follower, now_s) == ""
+        here.done and refusal(heard, here.answers, where.router, without_follower, now_s) == ""
     ), deadline_s)  # fmt: skip
     heard = line.look()
-    refused = heard.failure or refusal(heard, here.answers, without_follower, time.monotonic())
+    refused = heard.failure or refusal(
+        heard, here.answers, where.router, without_follower, time.monotonic()
+    )
     if not here.done:
         refused = "the drive on this machine does not answer"
     if refused:
@@ -211,12 +213,12 @@ def _beside(heard: Heard, now_s: float) -> str:
 
 
 def refusal(
-    heard: Heard, here: list[LocalAnswer], without_follower: bool, now_s: float
+    heard: Heard, here: list[LocalAnswer], router: str, without_follower: bool, now_s: float
 ) -> str:  # fmt: skip
     """Why the emergency stop may not be released now; "" if it may."""
     drives, follower = heard.fresh_drives(now_s), heard.fresh_follower(now_s)
     if not heard.connected:
-        return "the router does not answer"
+        return f"no Zenoh router at {router} answers"
     if any(answer.state is None for answer in here) or ("drive" in heard.alive and not drives):
         return "the drive does not answer"
     if follower is None and ("follower" in heard.alive or not without_follower):

@@ -120,8 +120,9 @@ def top(
                     told = [printable(problem.words) for problem in problems]
                     screen.show([
                         f"{time.strftime('%H:%M:%S')}  router {bus.where.router}",
-                        *bus.away_lines(now_s), *table(rows, use), *told,
-                        *doing_lines(heard, now_s), *([] if screen.in_place else [""]),
+                        # A low terminal cuts off the end: a stop is not to be there.
+                        *bus.away_lines(now_s), *doing_lines(heard, now_s),
+                        *table(rows, use), *told, *([] if screen.in_place else [""]),
                     ])  # fmt: skip
                 shown += 1
                 if shown == count:

@@ -407,26 +407,16 @@ class FollowerService:
         with self._lock:
             if received is not None:
                 self._follower.observe_ranges(received.message, _measured_s(received))
-            elif self._ranges.unreadable:
-                self._follower.refuse(
-                    "ranges",
-                    self._ranges.unreadable,
-                    arrival.arrived_s,
-                    self._ranges.unreadable_known,
-                )
+            else:
+                self._refuse("ranges", self._ranges, arrival.arrived_s)
 
     def _take_odometry(self, arrival: Arrival) -> None:
         received = self._odometry.message(arrival, Odometry)
         with self._lock:
             if received is not None:
                 self._follower.observe_odometry(received.message, _measured_s(received))
-            elif self._odometry.unreadable:
-                self._follower.refuse(
-                    "odometry",
-                    self._odometry.unreadable,
-                    arrival.arrived_s,
-                    self._odometry.unreadable_known,
-                )
+            else:
+                self._refuse("odometry", self._odometry, arrival.arrived_s)
 
     def _take_wish(self, arrival: Arrival) -> None:
         received = self._wishes.message(arrival, Manual)
@@ -441,6 +431,7 @@ class FollowerService:
             self._context.warn.warning("manual", words, arrival.arrived_s)
 
     def _refuse(self, sensor: Sensor, judge: StreamJudge, now_s: float) -> None:
+        """A reading that cannot be read counts against its sensor."""
         if judge.unreadable:
             self._follower.refuse(sensor, judge.unreadable, now_s, judge.unreadable_known)
 

@@ -83,7 +83,10 @@ def _as_choice(field: FieldInfo | None, value: object) -> object:
 def split_list(value: object) -> object:
     """Let a comma-separated string stand for a list, as people type it in shells."""
     if isinstance(value, str):
-        return [part for part in (piece.strip() for piece in value.split(",")) if part]
+        parts = [part for part in (piece.strip() for piece in value.split(",")) if part]
+        if value.strip() and not parts:
+            raise ValueError(f"{value!r} names nothing between its commas; leave it out for none")
+        return parts
     return value
 
 

@@ -95,13 +95,13 @@ def test_without_a_drive_the_follower_confirms() -> None:
         (heard(True), [HERE_STANDS], True, ""),
         (heard(True, alive="follower"), [], True, "no follower answers"),
         (Heard(connected=True), [], True, "no drive and no follower answers"),
-        (Heard(), [HERE_STANDS], False, "the router does not answer"),
+        (Heard(), [HERE_STANDS], False, f"no Zenoh router at {ROUTER} answers"),
     ],
 )
 def test_nothing_is_released_unless_everybody_answers(
     said: Heard, here: list[LocalAnswer], alone: bool, words: str
 ) -> None:
-    why = refusal(said, here, alone, NOW_S)
+    why = refusal(said, here, ROUTER, alone, NOW_S)
     assert words in why
     assert bool(why) == bool(words)
 
@@ -109,8 +109,8 @@ def test_nothing_is_released_unless_everybody_answers(
 def test_a_release_waits_for_the_id_of_the_engagement() -> None:
     said = heard(True, following=True)
     said.engagements.clear()
-    assert "which engagement" in refusal(said, [], False, NOW_S)
-    assert refusal(heard(False, following=False), [], False, NOW_S) == ""
+    assert "which engagement" in refusal(said, [], ROUTER, False, NOW_S)
+    assert refusal(heard(False, following=False), [], ROUTER, False, NOW_S) == ""
 
 
 @pytest.mark.parametrize(

@@ -112,6 +112,7 @@ def test_show_config_prints_settings_and_runs_nothing(outcome: Outcome) -> None:
         (["--speed-mps", "9"], "less than or equal to 2"),
         (["--pace", "slow"], "drive.pace = 'slow'"),
         (["--frames", "0"], "greater than or equal to 1"),
+        (["--names", " , "], "names nothing between its commas"),
         (["--config", "/nowhere.toml"], "/nowhere.toml"),
     ],
 )
