@@ -18,9 +18,10 @@ _EPSILON_S = 1e-6
 """Slack of comparisons of times [s], below any frame's."""
 _CONFIRM_HITS = 3
 """Boxes from which the person counts, as with the other front ends; chosen by hand."""
-_NOISE = 1e-9
-"""Factor on the variance of a box: this one is fitted to the person's colours, and filtered by the
-detector, so that the filter here is to follow it, and to add a speed alone."""
+_NOISE = 0.1
+"""Factor on the variance of a box, which the detector has fitted to the person's colours and
+filtered. Where boxes shake by 1 % of their height, the velocity errs by 0.10 heights/s at 0.1, 0.22
+at 0.01 and 0.53 at 0, and the box differs from the measured one by 0.5 % of the height."""
 
 
 class PointedFrontEnd:
