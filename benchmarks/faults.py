@@ -272,13 +272,13 @@ class Bench:
         return trial
 
     def _timeline(self, at_s: float) -> str:
-        """What was seen since a fault: seconds, state, whom by truth, speed, at every change."""
+        """Seconds since a fault, state, whom by truth, speed and distance, at every change."""
         told, words = "", []
         for one in self._watch.since(at_s):
             now = f"{one.state} {one.role or '-'} id {one.target_id}{' asks' if one.asks else ''}"
             if now != told:
                 told = now
-                words.append(f"{one.at_s - at_s:.2f} {now} {one.linear_mps:.2f} m/s")
+                words.append(f"{one.at_s - at_s:.2f} {now} {one.linear_mps:.2f} m/s {one.away_m:.1f} m")
         starts = {name: f"{heard_s - at_s:.2f}" for name, (_, heard_s) in
                   self._watch.producers.items() if heard_s > at_s}  # fmt: skip
         return f"{'; '.join(words)}; up: {starts}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -54,6 +55,7 @@ class Moment:
         role: of the person that the robot acts upon, by truth; None if upon nobody.
         asks: whether the follower asks to be told again whom to follow.
         linear_mps: true speed of the robot.
+        away_m: from the robot to the target, by truth; nan without a target.
     """
 
     at_s: float
@@ -63,6 +65,7 @@ class Moment:
     role: str | None
     asks: bool
     linear_mps: float
+    away_m: float = math.nan
 
 
 class Watch:
@@ -117,7 +120,7 @@ class Watch:
         target = state.target
         self.moments.append(
             Moment(time.monotonic(), truth.t_s, state.state, target.track_id, role,
-                   "choose again" in target.reason, truth.linear_mps)
+                   "choose again" in target.reason, truth.linear_mps, _away_m(truth))
         )  # fmt: skip
 
     def since(self, at_s: float) -> list[Moment]:
@@ -189,3 +192,10 @@ def _leave_unread(reply: zenoh.Reply) -> None:
 
 def _no_click(request: TargetRequest) -> None:
     """Where somebody else chooses."""
+
+
+def _away_m(truth: SimTruth) -> float:
+    for one in truth.people:
+        if one.role == "target":
+            return math.hypot(one.pose.x_m - truth.robot.x_m, one.pose.y_m - truth.robot.y_m)
+    return math.nan
