@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from heel.services.runtime.jpeg_window import FORGET_S, PATIENCE_S, WINDOW_FRAMES, JpegWindow
+import itertools
+
+from heel.services.runtime.jpeg_window import (
+    FORGET_S,
+    LATE_S,
+    PATIENCE_S,
+    WINDOW_FRAMES,
+    JpegWindow,
+)
 
 RATE_HZ = 25
 
@@ -34,11 +42,37 @@ def test_every_frame_goes_to_a_receiver_that_keeps_up() -> None:
     assert len(play(4.0, {"detector-main": 0.005}, {})) == 100
 
 
-def test_a_slow_link_gets_as_many_as_it_takes_and_no_queue() -> None:
-    sent_s = play(20.0, {"detector-main": 0.2}, {})
-    assert 0.9 * 100 <= len(sent_s) <= 1.1 * 100
-    # At most the window is ever on its way: after so long the first of them has arrived.
-    assert all(late - early >= 0.15 for early, late in zip(sent_s[9:], sent_s[11:], strict=False))
+def test_a_link_that_takes_two_frames_in_time_is_kept_busy() -> None:
+    sent_s = play(20.0, {"detector-main": 0.065}, {})
+    assert len(sent_s) >= 0.95 * 20.0 / 0.065
+    assert all(late - early >= 0.1 for early, late in zip(sent_s[9:], sent_s[11:], strict=False))
+
+
+def test_a_slow_link_gets_as_many_as_it_takes_one_by_one_and_no_queue() -> None:
+    sent_s = play(20.0, {"detector-main": 0.19}, {})
+    assert len(sent_s) >= 0.9 * 20.0 / 0.2
+    # Before the next one goes out, the frame before has arrived: nothing else waits behind two.
+    assert all(late - early > 0.18 for early, late in itertools.pairwise(sent_s[10:]))
+
+
+def test_a_link_that_is_fast_again_has_two_frames_on_their_way_again() -> None:
+    window = JpegWindow()
+
+    def may_send_two(took_s: float, now_s: float, seq: int) -> bool:
+        assert window.may_send(1, now_s)
+        window.sent(seq, now_s)
+        window.heard("web-main", 1, seq, now_s + took_s)
+        sent = [window.may_send(1, now_s + 1.0)]
+        window.sent(seq + 1, now_s + 1.0)
+        sent.append(window.may_send(1, now_s + 1.0))
+        window.heard("web-main", 1, seq + 1, now_s + 1.0 + took_s)
+        return all(sent)
+
+    may_send_two(0.01, 0.0, 0)
+    assert may_send_two(0.01, 2.0, 2)
+    assert not may_send_two(LATE_S + 0.01, 4.0, 4)
+    assert not may_send_two(0.75 * LATE_S, 6.0, 6), "two would take too long"
+    assert may_send_two(0.25 * LATE_S, 8.0, 8)
 
 
 def test_the_slowest_counts() -> None:
