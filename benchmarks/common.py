@@ -70,16 +70,27 @@ def data_folder() -> Path:
 def recordings(chosen: Sequence[str] | None = None) -> list[str]:
     """Sources to measure on: the chosen ones, or the static recordings that are here.
 
+    Args:
+        chosen: drawn scenes, paths, or names of recordings in the data folder.
+
     Raises:
-        HeelError: none is.
+        HeelError: none is there, or one of the chosen is not.
     """
     if chosen:
-        return list(chosen)
+        return [_found(source) for source in chosen]
     found = [data_folder() / name for name in STATIC_SEQUENCES]
     found = [path for path in found if path.is_dir()]
     if not found:
         raise HeelError(f"no recordings in {data_folder()}: set HEEL_DATA to their folder")
     return [str(path) for path in found]
+
+
+def _found(source: str) -> str:
+    if source.startswith("scene:") or Path(source).exists():
+        return source
+    if (data_folder() / source).is_dir():
+        return str(data_folder() / source)
+    raise HeelError(f"--recording {source}: neither a path nor in {data_folder()}")
 
 
 def name_of(source: str) -> str:
