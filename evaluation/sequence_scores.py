@@ -26,7 +26,7 @@ from heel.evaluation.motchallenge import (
     read_tracks,
 )
 from heel.evaluation.plausible import check_size, warn_of_another_size
-from heel.evaluation.retention import retention
+from heel.evaluation.retention import APART_IOU, retention
 from heel.evaluation.tracking_scores import tracking_scores
 from heel.schemas.errors import HeelError
 from heel.services.sequence_file import sequence_file
@@ -57,6 +57,11 @@ class SequenceScores(BaseModel):
     )
     dice: float = Field(
         ge=0, le=100, description="the paper's accuracy (equation 7), mean over frames, percent"
+    )
+    wrong_apart: float = Field(
+        ge=0,
+        le=100,
+        description="`wrong` where everybody is chosen once the box is on nobody else, percent",
     )
 
 
@@ -139,6 +144,7 @@ def score_sequence(sequence: AlignedSequence, *, iou_threshold: float = 0.5) -> 
         boxes=tracking.boxes,
         keep=held.keep_percent,
         wrong=held.wrong_percent,
+        wrong_apart=retention(sequence, iou_threshold, APART_IOU).wrong_percent,
         dice=mean_dice(sequence),
     )
 

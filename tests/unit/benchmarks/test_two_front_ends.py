@@ -120,7 +120,7 @@ def test_a_row_has_the_means_and_each_recording() -> None:
     def scores(keep: float, wrong: float) -> SequenceScores:
         return SequenceScores(
             sequence="x", mota=50, motp=70, idf1=60, hota=40, idsw=0, fp=0, fn=0, boxes=1,
-            keep=keep, wrong=wrong, dice=50,
+            keep=keep, wrong=wrong, wrong_apart=wrong, dice=50,
         )  # fmt: skip
 
     line = rows("net", {"as sent": [(scores(80, 2), 3), (scores(90, 0), 4)]})

@@ -26,7 +26,7 @@ Rows = NDArray[np.float64]
 Draw = Callable[[int], tuple[Rows, Rows]]
 
 FIELDS = ["sequence", "mota", "motp", "idf1", "hota", "idsw", "fp", "fn", "boxes"]
-FIELDS += ["keep", "wrong", "dice"]
+FIELDS += ["keep", "wrong", "dice", "wrong_apart"]
 
 
 def save(path: Path, rows: Rows) -> Path:
@@ -116,6 +116,7 @@ def test_table_fits_80_characters_and_shows_every_number() -> None:
         boxes=14476,
         keep=24.67,
         wrong=13.78,
+        wrong_apart=3.21,
         dice=74.36,
     )
     console = Console(width=80)

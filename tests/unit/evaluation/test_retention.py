@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from heel.evaluation.alignment import AlignedSequence, align
-from heel.evaluation.retention import Retention, retention
+from heel.evaluation.retention import APART_IOU, Retention, retention
 from tests.support.box_rows import rows_from_array
 
 # Where people and outputs stand in the scripts below: one letter is one place, none overlap.
@@ -103,3 +103,17 @@ def test_threshold_decides_what_is_on_a_person() -> None:
     )
     assert retention(shifted, 0.5).people == 0
     assert retention(shifted, 0.3) == Retention(1, 1, 1, 0)
+
+
+def test_nobody_is_chosen_by_a_box_that_is_on_two_until_they_are_apart() -> None:
+    # One box on two who stand nearly in line, a little more on the second; then one on each.
+    truth = [[f, who, 10 + at, 10, 30, 60, 1] for f in (1, 2, 3)
+             for who, at in ((1, 0), (2, 6 if f == 1 else 60))]  # fmt: skip
+    tracks = [[1, 7, 14, 10, 30, 60, 1]]
+    tracks += [[f, own, 10 + at, 10, 30, 60, 1] for f in (2, 3) for own, at in ((7, 0), (8, 60))]
+    both = align(
+        rows_from_array(np.array(truth), "ground truth"),
+        rows_from_array(np.array(tracks), "tracks"),
+    )
+    assert retention(both) == Retention(2, 3, 1, 2)
+    assert retention(both, apart_iou=APART_IOU) == Retention(2, 2, 2, 0)
