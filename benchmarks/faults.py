@@ -278,7 +278,8 @@ class Bench:
             now = f"{one.state} {one.role or '-'} id {one.target_id}{' asks' if one.asks else ''}"
             if now != told:
                 told = now
-                words.append(f"{one.at_s - at_s:.2f} {now} {one.linear_mps:.2f} m/s {one.away_m:.1f} m")
+                seen = f"{one.linear_mps:.2f} m/s {one.away_m:.1f} m"
+                words.append(f"{one.at_s - at_s:.2f} {now} {seen}")
         starts = {name: f"{heard_s - at_s:.2f}" for name, (_, heard_s) in
                   self._watch.producers.items() if heard_s > at_s}  # fmt: skip
         return f"{'; '.join(words)}; up: {starts}"

@@ -60,12 +60,16 @@ def companion(chosen: Track, tracks: Tracks) -> Track | None:
     for other in tracks.tracks:
         if other.id == chosen.id or other.state not in ("tracked", "occluded"):
             continue
-        if _height(other) < _FAR_BEHIND * _height(chosen):
+        if _is_far_behind(other, chosen):
             continue
         behind = other.id in chosen.occluded_by or chosen.id in other.occluded_by
         if behind or cover_of_smaller(chosen.box_xyxy, other.box_xyxy) >= _TWO_PEOPLE:
             return other
     return None
+
+
+def _is_far_behind(other: Track, chosen: Track) -> bool:
+    return _height(other) < _FAR_BEHIND * _height(chosen)
 
 
 def _height(track: Track) -> float:
@@ -95,12 +99,19 @@ class Newcomers:
             for track in tracks.tracks
         }  # fmt: skip
 
-    def of(self, chosen: Track, tracks: Tracks) -> Track | None:
-        """A track that came forth from the chosen one's box within the last second."""
+    def of(self, chosen: Track, tracks: Tracks, shown: bool = True) -> Track | None:
+        """A track that came forth from the chosen one's box within the last second.
+
+        Args:
+            chosen: in the newest frame.
+            tracks: of that frame.
+            shown: leave out those that are not shown yet.
+        """
         for other in tracks.tracks:
             first_ns, beside = self._first.get(other.id, (0, ()))
             young = tracks.t_capture_ns - first_ns < NEWCOMER_S * 1e9
-            if chosen.id in beside and young and other.shown:
+            near = chosen.id in beside and not _is_far_behind(other, chosen)
+            if near and young and (other.shown or not shown):
                 return other
         return None
 

@@ -377,8 +377,7 @@ class Follower:
             self._pursuit.seen_at(target.filter.place_at(self._tracks_s))
         self._watch_picture(self._tracks)
         turned_rad = self._turned_rad()
-        if self._choice.pending is not None:
-            self._choice.pending.carry(self._tracks, turned_rad, self._people.focal_px)
+        self._choice.carry(self._tracks, turned_rad, self._people.focal_px)
         if tracks_age_s > self.settings.max_tracks_age_s:
             self._choice.interrupted()
         elif self._choice.settle(self._tracks, self._people.seen.values(), self._tracks_s):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from heel.schemas import Track, Tracks
+from heel.schemas.base import Point
 from heel.services.follower.choosing import at_point
 
 PENDING_S = 5.0
@@ -18,31 +19,17 @@ _OUT_OF_REACH = 3.0
 """Frame sizes off the picture, from where no point is carried back."""
 
 
-class PendingPoint:
-    """Goes along with what was pointed at until a track covers it, or for too long.
-
-    A person tracked elsewhere when the user pointed is not the one meant, wherever it walks.
+class CarriedPoint:
+    """A point of the scene, which goes along with the picture while the camera turns.
 
     Attributes:
         place_px: where it is in the newest frame.
     """
 
-    def __init__(self, x_px: float, y_px: float, tracks: Tracks, now_s: float) -> None:
-        """Look at a point of the newest frame.
-
-        Args:
-            x_px, y_px: where there is no track.
-            tracks: of that frame.
-            now_s: when it was pointed at.
-        """
-        self.place_px = (x_px, y_px)
-        self._others = {track.id for track in tracks.tracks if track.shown}
-        self._since_s = now_s
+    def __init__(self, place_px: Point, tracks: Tracks) -> None:
+        """Look at a point of the newest frame."""
+        self.place_px = place_px
         self._seq = tracks.seq
-
-    def for_s(self, now_s: float) -> float:
-        """For how much longer a person is looked for, at least 0."""
-        return max(0.0, self._since_s + PENDING_S - now_s)
 
     def carry(self, tracks: Tracks, turned_rad: float, focal_px: float) -> None:
         """Follow the picture to the next frame.
@@ -54,7 +41,7 @@ class PendingPoint:
         """
         if tracks.seq == self._seq:
             return
-        motion, x, y = tracks.camera_motion, *self.place_px
+        motion, (x, y) = tracks.camera_motion, self.place_px
         if motion is not None and motion.quality > 0.0 and tracks.seq == self._seq + 1:
             a, b, c, d, e, f = motion.affine
             x, y = a * x + b * y + c, d * x + e * y + f
@@ -66,6 +53,29 @@ class PendingPoint:
         self._seq = tracks.seq
         reach_x, reach_y = _OUT_OF_REACH * tracks.width, _OUT_OF_REACH * tracks.height
         self.place_px = min(max(x, -reach_x), reach_x), min(max(y, -reach_y), reach_y)
+
+
+class PendingPoint(CarriedPoint):
+    """Goes along with what was pointed at until a track covers it, or for too long.
+
+    A person tracked elsewhere when the user pointed is not the one meant, wherever it walks.
+    """
+
+    def __init__(self, x_px: float, y_px: float, tracks: Tracks, now_s: float) -> None:
+        """Look at a point of the newest frame.
+
+        Args:
+            x_px, y_px: where there is no track.
+            tracks: of that frame.
+            now_s: when it was pointed at.
+        """
+        super().__init__((x_px, y_px), tracks)
+        self._others = {track.id for track in tracks.tracks if track.shown}
+        self._since_s = now_s
+
+    def for_s(self, now_s: float) -> float:
+        """For how much longer a person is looked for, at least 0."""
+        return max(0.0, self._since_s + PENDING_S - now_s)
 
     def found(self, tracks: Tracks, t_s: float) -> Track | None:
         """The person that has come to be tracked there: at the point, or alone within a step of it.

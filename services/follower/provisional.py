@@ -1,5 +1,9 @@
 """A choice on a box that two people may share: it waits until they part, and what was pointed at
-decides which of them is meant."""
+decides which of them is meant.
+
+Two are known to share it by a second track in it, or by one that comes forth from it a little
+before the choice, or soon after.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from collections.abc import Sequence
 from heel.schemas import Track, Tracks
 from heel.schemas.base import BoxXyxy, Point
 from heel.services.follower.choosing import NEWCOMER_S, companion
+from heel.services.follower.pending import CarriedPoint
 from heel.services.geometry.boxes import iou
 
 _PARTED_S = 0.3
@@ -18,6 +23,31 @@ _MOST_S = 10.0
 _SAME_IOU = 0.3
 """Overlap of boxes of one person in two frames; chosen by hand: a brisk walk at 5 frames a second
 leaves more."""
+
+REOPENED_S = 3.0
+"""For so long after a choice somebody may come forth from the box who was meant [s]; chosen by
+hand: who walks behind somebody else is hidden for about so long."""
+
+
+class Click(CarriedPoint):
+    """What was pointed at on a box that so far is one person's.
+
+    The point goes along with the box, in shares of its width and height, until somebody begins to
+    come forth from it; from then on with the picture, as the box becomes that of one of them.
+
+    Attributes:
+        since_s: time of the choice.
+    """
+
+    def __init__(self, chosen: Track, point_px: Point, tracks: Tracks, t_s: float) -> None:
+        """Begin with the frame of the choice."""
+        super().__init__(point_px, tracks)
+        self.since_s = t_s
+        self._share = _share(chosen, point_px)
+
+    def go_along(self, chosen: Track) -> None:
+        """Nobody has come forth by the newest frame."""
+        self.place_px = _point(chosen, self._share)
 
 
 class Provisional:
@@ -50,9 +80,7 @@ class Provisional:
         self._apart_for_s = NEWCOMER_S if parted else _PARTED_S
         self._meant: BoxXyxy | None = None
         self._point_px = point_px
-        left, top, right, bottom = chosen.box_xyxy
-        x, y = point_px or ((left + right) / 2, (top + bottom) / 2)
-        self._share = (x - left) / max(right - left, 1.0), (y - top) / max(bottom - top, 1.0)
+        self._share = (0.5, 0.5) if point_px is None else _share(chosen, point_px)
 
     @property
     def words(self) -> str:
@@ -94,9 +122,7 @@ class Provisional:
         self._apart_s = self._meant = None
         chosen = next((t for t in here if t.id == self.ids[0] and t.missed_frames == 0), None)
         if chosen is not None and self._point_px is not None:
-            left, top, right, bottom = chosen.box_xyxy
-            x, y = self._share
-            self._point_px = left + x * (right - left), top + y * (bottom - top)
+            self._point_px = _point(chosen, self._share)
 
     def _holds(self, track: Track) -> bool:
         if self._point_px is None:
@@ -111,3 +137,15 @@ class Provisional:
         meant = self._meant or alone[0].box_xyxy
         best = max(alone, key=lambda track: iou(track.box_xyxy, meant))
         return best if iou(best.box_xyxy, meant) >= _SAME_IOU else None
+
+
+def _share(track: Track, point_px: Point) -> Point:
+    """Where a point is in a track's box, in shares of its width and height."""
+    left, top, right, bottom = track.box_xyxy
+    x, y = point_px
+    return (x - left) / max(right - left, 1.0), (y - top) / max(bottom - top, 1.0)
+
+
+def _point(track: Track, share: Point) -> Point:
+    left, top, right, bottom = track.box_xyxy
+    return left + share[0] * (right - left), top + share[1] * (bottom - top)

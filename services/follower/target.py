@@ -10,7 +10,7 @@ from heel.services.follower.choosing import Imprinting, Newcomers, at_point, com
 from heel.services.follower.kept import KeptTarget, Scene
 from heel.services.follower.pending import PendingPoint
 from heel.services.follower.people import Person
-from heel.services.follower.provisional import Provisional
+from heel.services.follower.provisional import REOPENED_S, Click, Provisional
 from heel.services.follower.settings import FollowerSettings
 from heel.services.runtime.streams import FORMER_S
 
@@ -57,6 +57,7 @@ class TargetChoice:
         """The person followed when another tracker took over, and when, by the camera's clock."""
         self.pending: PendingPoint | None = None
         self.provisional: Provisional | None = None
+        self._click: Click | None = None
         self.target = Target(seq=0, mode=settings.target, reason=self._waiting[settings.target])
 
     def restore(self, kept: KeptTarget) -> None:
@@ -148,6 +149,7 @@ class TargetChoice:
         if self.provisional is not None:
             return self._decide(self.provisional, tracks, t_s)
         if self.target.track_id is not None:
+            self._reopen(tracks, t_s)
             return False
         if self.pending is not None and (found := self.pending.found(tracks, t_s)) is not None:
             self._choose_track("point", found, tracks, t_s, "found where you pointed",
@@ -159,6 +161,30 @@ class TargetChoice:
             if stood is not None:
                 self._set("imprint", stood, "stood before the robot")
         return self.target.track_id is not None
+
+    def carry(self, tracks: Tracks, turned_rad: float, focal_px: float) -> None:
+        """Let points go along with the picture; arguments as of `CarriedPoint.carry`."""
+        for point in (self.pending, self._click):
+            if point is not None:
+                point.carry(tracks, turned_rad, focal_px)
+
+    def _reopen(self, tracks: Tracks, t_s: float) -> None:
+        """Somebody who comes forth from the box soon after the choice may be the one meant."""
+        click = self._click
+        chosen = next((t for t in tracks.tracks if t.id == self.target.track_id), None)
+        if click is None or chosen is None:
+            return
+        if t_s - click.since_s > REOPENED_S:
+            self._click = None
+        elif (other := self._newcomers.of(chosen, tracks)) is not None:
+            between = Provisional(chosen, other, click.place_px, t_s, parted=True)
+            self._leave_open(self.target.mode, between)
+        elif self._newcomers.of(chosen, tracks, shown=False) is None and not chosen.missed_frames:
+            click.go_along(chosen)
+
+    def _leave_open(self, mode: str, choice: Provisional) -> None:
+        self._set(mode, choice.ids[0], choice.words)
+        self.provisional = choice
 
     def _decide(self, open_choice: Provisional, tracks: Tracks, t_s: float) -> bool:
         meant, before, mode = open_choice.decided(tracks, t_s), open_choice.ids[0], self.target.mode
@@ -234,15 +260,15 @@ class TargetChoice:
         together = companion(track, tracks)
         other = together or self._newcomers.of(track, tracks)
         if other is not None:
-            open_choice = Provisional(track, other, point_px, t_s, together is None)
-            self._set(mode, track.id, open_choice.words)
-            self.provisional = open_choice
-        elif track.proven and track.identity_confidence < self._sure_from:
+            self._leave_open(mode, Provisional(track, other, point_px, t_s, together is None))
+            return
+        if track.proven and track.identity_confidence < self._sure_from:
             sure = f"{100 * track.identity_confidence:.0f} % sure"
             self._set(mode, track.id, f"{reason} while only {sure} who it is: the robot waits "
                       "until that is clear")  # fmt: skip
         else:
             self._set(mode, track.id, reason)
+        self._click = None if point_px is None else Click(track, point_px, tracks, t_s)
 
     def _choose_nearest(self, first: Track, tracks: Tracks, reason: str) -> None:
         other = companion(first, tracks)
@@ -295,7 +321,7 @@ class TargetChoice:
             self._set("none", None, reason)
 
     def _set(self, mode: str, track_id: int | None, reason: str) -> None:
-        self.pending = self.provisional = self._left = self._interrupted = None
+        self.pending = self.provisional = self._click = self._left = self._interrupted = None
         self.target = Target.model_validate(
             {"seq": self.target.seq + 1, "mode": mode, "track_id": track_id, "reason": reason,
              "tracker": self._tracker if track_id is not None else None}

@@ -301,6 +301,62 @@ def test_long_after_a_newcomer_came_forth_a_choice_is_one() -> None:
     assert watching.follower.choose(TargetRequest(mode="id", track_id=1)).reason == "chosen"
 
 
+def wide(x: float) -> Track:
+    """One box on two people, who stand 35 px to its left and right."""
+    return person(1, box_xyxy=(x - 75.0, 200.0, x + 75.0, 400.0))
+
+
+@pytest.mark.parametrize(("x_px", "meant"), [(305.0, 1), (375.0, 2)])
+def test_somebody_who_comes_forth_soon_after_a_click_may_be_the_one_meant(
+    x_px: float, meant: int
+) -> None:
+    of_both, one, other = wide(340.0), person(1, x=310), person(2, x=380)
+    watching = Watching(of_both)
+    click = TargetRequest(mode="point", x_px=x_px, y_px=300.0)
+    assert watching.follower.choose(click).reason == "chosen"
+    watching.see(of_both, frames=20)
+    assert watching.follower.state.state == "following"
+    watching.see(one, other.model_copy(update={"state": "new", "shown": False}), frames=3)
+    watching.see(one, other, frames=5)
+    state = watching.follower.state
+    assert (state.state, state.linear_mps, state.angular_radps) == ("unsure", 0.0, 0.0)
+    assert state.reason == "not sure which of two, 1 and 2: waiting until they part"
+    watching.see(one, other, frames=40)
+    assert watching.chosen == ("point", meant)
+    assert watching.follower.state.state == "following"
+
+
+def test_the_point_goes_along_with_a_robot_that_turns_until_somebody_comes_forth() -> None:
+    watching = Watching(wide(340.0))
+    watching.follower.choose(TargetRequest(mode="point", x_px=375.0, y_px=300.0))
+    turning = CameraMotion(affine=(1.0, 0.0, -10.0, 0.0, 1.0, 0.0), quality=1.0)
+    for step in range(1, 11):
+        watching.see(wide(340.0 - 10 * step), motion=turning)
+    for step in range(11, 14):
+        new = person(2, x=380 - 10 * step).model_copy(update={"state": "new", "shown": False})
+        watching.see(person(1, x=310 - 10 * step), new, motion=turning)
+    watching.see(person(1, x=180), person(2, x=250), frames=40)
+    assert watching.chosen == ("point", 2)
+
+
+@pytest.mark.parametrize(
+    ("request_", "frames"),
+    [
+        (TargetRequest(mode="point", x_px=305.0, y_px=300.0), 80),
+        (TargetRequest(mode="nearest"), 10),
+    ],
+    ids=["long after the click", "nobody was pointed at"],
+)
+def test_otherwise_a_choice_is_one_whoever_comes_forth(
+    request_: TargetRequest, frames: int
+) -> None:
+    watching = Watching(person(1))
+    watching.follower.choose(request_)
+    watching.see(person(1), frames=frames)
+    watching.see(person(1), person(2, x=390), frames=2)
+    assert watching.follower.decided
+
+
 def test_a_choice_of_a_track_that_is_unsure_says_so() -> None:
     watching = Watching(person(1, identity_confidence=0.42))
     target = watching.follower.choose(TargetRequest(mode="id", track_id=1))
