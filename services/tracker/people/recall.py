@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from heel.services.tracker.people.geometry import FloatArray
-from heel.services.tracker.people.looks import LookModel
+from heel.services.tracker.people.looks import Gallery, LookModel
 from heel.services.tracker.people.memory import Circumstances, Claim, claims
 from heel.services.tracker.people.track import Track
 from heel.services.tracker.trace import Event, Trace
@@ -108,8 +108,18 @@ class Recall:
         if pictures:
             newest = np.array([track.gallery.newest() for track in newcomers])
             looks = self._looks.compare([track.gallery for track in missing], newest)
+            looks -= self._own(newcomers, newest)
         around = Circumstances(t_s, places, self._area_px2() if pictures else None)
         return claims(newcomers, missing, looks, around, self._trust)
+
+    def _own(self, newcomers: Sequence[Track], newest: FloatArray) -> FloatArray:
+        """Log odds (N,) that descriptors (N, D) are of the people that newcomers were found to be.
+
+        Whoever is back already is another one only by looks that fit that one better: else a second
+        identity of the same person, as of a box that was off once, would take over in the end.
+        """
+        known = [track.recalled or Gallery() for track in newcomers]
+        return np.maximum(np.diagonal(self._looks.compare(known, newest)), 0.0)
 
     def _area_px2(self) -> float | None:
         return None if self._image_size is None else float(np.prod(self._image_size))

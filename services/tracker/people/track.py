@@ -65,6 +65,7 @@ class Track:
     missed_frames: int = 0
     returning: bool = False  # measured again after time unseen, not yet compared with others
     compared: bool = False  # with the looks of people out of sight
+    recalled: Gallery | None = None  # of the known person that this was found to be
     in_front: tuple[Track, ...] = ()  # occluders, nearest first
     proven: bool = True  # known to be a person, not a thing
     left: bool = False  # over the edge of the picture
@@ -79,7 +80,7 @@ class Track:
 
     def become(self, old: Track, probability: float) -> None:
         """Continue a known person's track, which this is with `probability` in [0, 1]."""
-        self.track_id = old.track_id
+        self.track_id, self.recalled = old.track_id, old.gallery.copy()
         self.confidence = old.confidence * probability
         self.runner_up = min(old.runner_up, 1 - self.confidence)
         self.proven = self.proven or old.proven
@@ -99,7 +100,7 @@ class Track:
         self.track_id, self.confidence, self.runner_up = fresh_id, 1.0, 0.0
         self.gallery, self.vouched = Gallery(), None
         self.earlier, self.earlier_s = (Gallery(), Gallery()), t_s
-        self.born_s, self.hits = t_s, 1
+        self.born_s, self.hits, self.recalled = t_s, 1, None
         return person
 
     def remember(self, look: FloatArray, t_s: float) -> None:

@@ -7,13 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from heel.services.tracker.people import kalman
 from heel.services.tracker.people.appearance import DESCRIPTOR_LENGTH, cut_out, describe, distances
 from heel.services.tracker.people.contacts import Contacts
-from heel.services.tracker.people.geometry import FloatArray
+from heel.services.tracker.people.geometry import FloatArray, boxes_to_measurements
 from heel.services.tracker.people.identity import Identity
 from heel.services.tracker.people.kalman import measurement_variance
 from heel.services.tracker.people.looks import Gallery, LookModel, nearest_views
 from heel.services.tracker.people.measured import Measured, Measurement
+from heel.services.tracker.people.recall import Recall
 from heel.services.tracker.people.track import Track
 from tests.unit.tracker.drawn_detections import BLUE, GREEN, RED, Colours, patch
 
@@ -263,3 +265,27 @@ def test_who_is_in_doubt_goes_on_being_learned_but_that_does_not_settle_the_doub
     assert nearest_views([track.gallery], view)[0, 0] < 0.3
     assert track.vouched is not None
     assert nearest_views([track.vouched], view)[0, 0] > 0.4
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "now"),
+    [(None, RED, 2), (RED, RED, 1), (GREEN, RED, 2)],
+    ids=["nobody known so far", "as much the one as the other", "rather the other"],
+)
+def test_who_was_known_again_is_another_one_only_by_looks_that_fit_better(
+    first: Colours | None, second: Colours, now: int
+) -> None:
+    recall = Recall(LookModel(), (640, 480), trust=0.75)
+    place = kalman.initial_state(boxes_to_measurements(BOX))
+    away = Track.born(place[0][0], place[1][0], 0.9, 0.0)
+    away.become(person(2, second), 1.0)
+    away.confirmed = True
+    recall.lose(away, pictures=True)
+    aside = kalman.initial_state(boxes_to_measurements(BOX + np.array([100.0, 0.0, 100.0, 0.0])))
+    back = Track.born(aside[0][0], aside[1][0], 0.9, 20.0)
+    back.track_id, back.confirmed, back.hits = 1, True, 8
+    if first is not None:
+        back.become(person(1, first), 1.0)
+    back.gallery.add(looks(RED, 1, 7)[0])
+    claims = recall.recognised([], [back], 20.0, places=True, pictures=True)
+    assert [claim.known.track_id for claim in claims if claim.holds] == [2] * (now == 2)
