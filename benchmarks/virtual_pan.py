@@ -30,21 +30,22 @@ from heel.services.runtime.command_line import run_app
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 SEQUENCES = ("PETS09-S2L1", "TownCentre-A", "TownCentre-B", "TownCentre-C")
 HEAD = ("sequence", "perception", "people", "chosen", "kept%", "in window%", "wrong%",
-        "people >= 95%", "kept% of all")  # fmt: skip
+        "acted upon%", "people >= 95%", "kept% of all")  # fmt: skip
 
 
 def row(sequence: str, how: str, outcomes: Sequence[PanOutcome]) -> str:
     """One line of the Markdown table, over all people's frames together."""
     since = max(1, sum(one.since_chosen for one in outcomes))
     visible = max(1, sum(one.visible for one in outcomes))
-    kept, inside, wrong = (
-        sum(getattr(one, what) for one in outcomes) for what in ("kept", "in_window", "wrong")
+    kept, inside, wrong, acted = (
+        sum(getattr(one, what) for one in outcomes)
+        for what in ("kept", "in_window", "wrong", "acted_wrong")
     )
     well = sum(one.kept >= 0.95 * one.since_chosen for one in outcomes if one.chosen)
     cells = (
         sequence, how, str(len(outcomes)), str(sum(one.chosen for one in outcomes)),
         f"{100 * kept / since:.1f}", f"{100 * inside / since:.1f}", f"{100 * wrong / since:.1f}",
-        str(well), f"{100 * kept / visible:.1f}",
+        f"{100 * acted / since:.1f}", str(well), f"{100 * kept / visible:.1f}",
     )  # fmt: skip
     return "| " + " | ".join(cells) + " |"
 
@@ -107,7 +108,7 @@ def main(
             for line in [rows[-1], *lines_of(outcomes)]:
                 typer.echo(line, err=True)
             since = max(1, sum(one.since_chosen for one in outcomes))
-            for what in ("kept", "in_window", "wrong"):
+            for what in ("kept", "in_window", "wrong", "acted_wrong"):
                 share = 100.0 * sum(getattr(one, what) for one in outcomes) / since
                 figures.append(
                     Figure(f"virtual-pan/{path.name}/{name}/{what}", share, "%", "", None, 1)

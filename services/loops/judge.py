@@ -9,7 +9,7 @@ from heel.services.geometry.boxes import as_array, clipped, iou_matrix
 _LEAST_IOU = 0.3
 """Of a track with the person that it is on; chosen by hand, below the 0.5 of the scores of boxes: a
 person half hidden is still the one that the robot drives after."""
-_ACTING = ("following", "occluded")
+ACTING = ("following", "occluded")
 """States in which the follower moves, or would, for the person that its track is on."""
 
 
@@ -47,4 +47,4 @@ def acted_upon(state: FollowState, people: dict[int, int]) -> int | None:
         people: index of the person by track id, of the newest tracks that the follower has.
     """
     track_id = state.target.track_id
-    return None if track_id is None or state.state not in _ACTING else people.get(track_id)
+    return None if track_id is None or state.state not in ACTING else people.get(track_id)

@@ -17,6 +17,7 @@ from heel.services.follower.core import Follower
 from heel.services.follower.settings import FollowerSettings
 from heel.services.geometry.boxes import clipped, iou, iou_matrix
 from heel.services.loops.control_loop import CONTROL_NS, Body, ControlLoop
+from heel.services.loops.judge import ACTING
 from heel.services.loops.panning.perception import WindowPerception
 from heel.services.loops.panning.truth import InWindow, TruePeople, in_window
 
@@ -40,6 +41,7 @@ class PanOutcome:
         in_window: the person is in the window with half of their box or more.
         kept: in the window, and the target's box lies on them.
         wrong: the target's box lies on another person.
+        acted_wrong: those of them in which the robot acts upon it, rather than wait.
         lost: frames after the choice in which the person was not kept, and the follower's state.
     """
 
@@ -49,6 +51,7 @@ class PanOutcome:
     in_window: int = 0
     kept: int = 0
     wrong: int = 0
+    acted_wrong: int = 0
     lost: list[tuple[int, str]] = field(default_factory=list)
 
     @property
@@ -145,7 +148,9 @@ class Episode:
         if inside and on == outcome.person:
             outcome.kept += 1
             return
-        outcome.wrong += int(on not in (None, outcome.person))
+        wrong = on not in (None, outcome.person)
+        outcome.wrong += int(wrong)
+        outcome.acted_wrong += int(wrong and self._follower.state.state in ACTING)
         outcome.lost.append((index + 1, self._follower.state.state))
 
     def _camera(self) -> CameraInfo:

@@ -7,15 +7,15 @@ from heel.services.loops.panning.episode import PanOutcome
 
 KEPT = PanOutcome(1, visible=104, since_chosen=100, in_window=100, kept=96, wrong=0,
                lost=[(7, "occluded")] * 4)  # fmt: skip
-LOST = PanOutcome(2, visible=100, since_chosen=100, in_window=50, kept=20, wrong=10,
+LOST = PanOutcome(2, visible=100, since_chosen=100, in_window=50, kept=20, wrong=10, acted_wrong=4,
                lost=[(21, "following"), (100, "lost")])  # fmt: skip
 NEVER = PanOutcome(3, visible=96)
 
 
 def test_shares_are_over_all_people_s_frames_since_they_were_chosen() -> None:
-    # kept 116 of 200, in window 150, wrong 10; of all 300 frames 116 were kept.
+    # kept 116 of 200, in window 150, wrong 10, acted upon 4; of all 300 frames 116 were kept.
     assert row("A", "pixels", [KEPT, LOST, NEVER]) == (
-        "| A | pixels | 3 | 2 | 58.0 | 75.0 | 5.0 | 1 | 38.7 |"
+        "| A | pixels | 3 | 2 | 58.0 | 75.0 | 5.0 | 2.0 | 1 | 38.7 |"
     )
 
 

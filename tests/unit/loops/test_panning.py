@@ -128,6 +128,7 @@ def test_the_target_s_box_on_somebody_else_is_wrong_and_not_kept() -> None:
     outcome = played(Swaps(50, 2), 100, both)
     assert outcome.in_window == outcome.since_chosen
     assert outcome.wrong == 50
+    assert 0 < outcome.acted_wrong <= 50
     assert outcome.kept == outcome.since_chosen - 50
 
 
