@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 import typer
 
+from heel.evaluation.sequence_scores import SequenceScores
 from heel.schemas.export import json_schemas
 from heel.services.capture.pan_window import PanSettings
 from heel.services.cli import app
@@ -178,7 +179,7 @@ _WORDS = {
     ids=lambda page: page.name,
 )
 def test_every_setting_and_field_that_is_named_exists(page: Path) -> None:
-    models = [*known_tables().values(), ZenohSettings, LogSettings, PanSettings]
+    models = [*known_tables().values(), ZenohSettings, LogSettings, PanSettings, SequenceScores]
     known = _WORDS | {field for model in models for field in model.model_fields}
     for contract in json_schemas().values():
         schema = contract["schema"]
