@@ -8,19 +8,25 @@ Each run is a project of its own on a free port of loopback, and all of it goes 
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import json
 import os
 import secrets
+import shutil
 import socket
 import subprocess
 import time
-from pathlib import Path
+from typing import Annotated
 
 import aiohttp
+import typer
 
-_REPOSITORY = Path(__file__).resolve().parents[1]
+from benchmarks.common import REPOSITORY
+from heel.schemas.errors import HeelError
+from heel.services.runtime.command_line import run_app
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
 _DEADLINE_S = 120.0
 _RETRY_S = 0.1
 
@@ -29,10 +35,13 @@ def first_person_s(url: str, deadline_s: float = _DEADLINE_S) -> float:
     """Seconds until a picture with a person in it came by the page's WebSocket.
 
     Raises:
-        TimeoutError: none did.
+        HeelError: none did.
     """
     started_s = time.monotonic()
-    asyncio.run(asyncio.wait_for(_first_person(url), deadline_s))
+    try:
+        asyncio.run(asyncio.wait_for(_first_person(url), deadline_s))
+    except TimeoutError:
+        raise HeelError(f"{url}: nobody on the page within {deadline_s:.0f} s") from None
     return time.monotonic() - started_s
 
 
@@ -61,7 +70,11 @@ async def _shows_person(viewer: aiohttp.ClientWebSocketResponse) -> bool:
 
 
 def run(profile: str) -> float:
-    """Seconds from the typed command to the first person, in a project of its own."""
+    """Seconds from the typed command to the first person, in a project of its own.
+
+    Raises:
+        HeelError: there is no engine or no image, or nobody comes on the page.
+    """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -71,29 +84,35 @@ def run(profile: str) -> float:
     compose = ["docker", "compose", "--profile", profile]
     started_s = time.monotonic()
     try:
-        subprocess.run(
+        up = subprocess.run(
             [*compose, "up", "-d", "--pull", "never", "--no-build", "--quiet-pull"],
-            cwd=_REPOSITORY, env=environment, check=True, capture_output=True,
+            cwd=REPOSITORY, env=environment, check=False, capture_output=True, text=True,
             timeout=_DEADLINE_S,
         )  # fmt: skip
+        if up.returncode:
+            raise HeelError(
+                f"docker compose up: {up.stderr.strip()[-300:]}; build the images first: "
+                "docker compose --profile robot --profile demo build"
+            )
         first_person_s(f"http://127.0.0.1:{port}")
         return time.monotonic() - started_s
     finally:
-        subprocess.run([*compose, "down", "-v"], cwd=_REPOSITORY, env=environment, check=False,
+        subprocess.run([*compose, "down", "-v"], cwd=REPOSITORY, env=environment, check=False,
                        capture_output=True, timeout=_DEADLINE_S)  # fmt: skip
 
 
-def main() -> None:
+@app.command()
+def main(
+    profile: Annotated[str, typer.Option(help="comma separated")] = "robot,demo",
+    runs: Annotated[int, typer.Option(min=1, help="of each profile")] = 3,
+) -> None:
     """Print one line a profile."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--profile", default="robot,demo", help="comma separated")
-    parser.add_argument("--runs", type=int, default=3)
-    arguments = parser.parse_args()
-    for profile in arguments.profile.split(","):
-        took_s = [run(profile) for _ in range(arguments.runs)]
-        print(f"{profile}: first person on the page after "
-              f"{', '.join(f'{one:.1f}' for one in took_s)} s", flush=True)  # fmt: skip
+    if shutil.which("docker") is None:
+        raise HeelError("no docker here: install the engine and its compose plugin")
+    for name in profile.split(","):
+        took_s = ", ".join(f"{run(name):.1f}" for _ in range(runs))
+        typer.echo(f"{name}: first person on the page after {took_s} s")
 
 
 if __name__ == "__main__":
-    main()
+    run_app(app)
