@@ -115,8 +115,8 @@ class Recall:
     def _own(self, newcomers: Sequence[Track], newest: FloatArray) -> FloatArray:
         """Log odds (N,) that descriptors (N, D) are of the people that newcomers were found to be.
 
-        Looks speak for another one only as far as they fit that one better: else a second identity of
-        the same person, as of a box that was off once, would take over in the end.
+        Looks speak for another one only as far as they fit that one better: else a second identity
+        of the same person, as of a box that was off once, would take over in the end.
         """
         known = [track.recalled or Gallery() for track in newcomers]
         return np.maximum(np.diagonal(self._looks.compare(known, newest)), 0.0)
