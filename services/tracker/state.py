@@ -31,7 +31,7 @@ from heel.services.tracker.timing import FrameClock
 from heel.services.tracker.trace import Changes, Known, Trace
 
 MAX_BYTES = 16 << 20
-"""Of a state: 128 people in sight, 64 remembered, and five galleries of each, is 12 MB."""
+"""Of a state: 128 people in sight, 64 remembered, and six galleries of each, is 15 MB."""
 
 
 @dataclass
