@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 import typer
+from pydantic import BaseModel
 
 from heel.evaluation.sequence_scores import SequenceScores
 from heel.schemas.export import json_schemas
@@ -179,7 +180,9 @@ _WORDS = {
     ids=lambda page: page.name,
 )
 def test_every_setting_and_field_that_is_named_exists(page: Path) -> None:
-    models = [*known_tables().values(), ZenohSettings, LogSettings, PanSettings, SequenceScores]
+    models: list[type[BaseModel]] = [
+        *known_tables().values(), ZenohSettings, LogSettings, PanSettings, SequenceScores,
+    ]  # fmt: skip
     known = _WORDS | {field for model in models for field in model.model_fields}
     for contract in json_schemas().values():
         schema = contract["schema"]
