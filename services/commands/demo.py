@@ -116,7 +116,7 @@ def _play_world(
     from heel.services.run.following import FollowingTally, write_figures
     from heel.services.run.world_run import PageOptions, WorldOptions, WorldRun
     from heel.services.runtime.logs import set_up_command_logging
-    from heel.services.runtime.service import stop_signals
+    from heel.services.runtime.stop_signals import stop_signals
 
     set_up_command_logging()
     duration_s = _check_world(scenario, seed)

@@ -24,7 +24,7 @@ def play_scene(options: RunOptions, kept: bool) -> None:
     from heel.services.run.distributed import DistributedRun
     from heel.services.run.summary import print_summary
     from heel.services.runtime.logs import set_up_command_logging
-    from heel.services.runtime.service import stop_signals
+    from heel.services.runtime.stop_signals import stop_signals
 
     set_up_command_logging()
     check_options(options)

@@ -180,7 +180,7 @@ def show_all(
     Raises:
         HeelError: there is no robot at all.
     """
-    from heel.services.runtime.service import stop_signals
+    from heel.services.runtime.stop_signals import stop_signals
 
     with (
         stop_signals(TIMEOUT_S) as stop,

@@ -100,7 +100,7 @@ def _work(options: RunOptions, in_process: bool) -> None:
     from heel.services.run.in_process import run_in_process
     from heel.services.run.summary import print_summary
     from heel.services.runtime.logs import set_up_command_logging
-    from heel.services.runtime.service import stop_signals
+    from heel.services.runtime.stop_signals import stop_signals
 
     set_up_command_logging()
     with stop_signals(PARENT_EXIT_S) as stopping:

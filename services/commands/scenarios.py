@@ -164,7 +164,7 @@ def _run_processes(
     from heel.services.loops.scenarios.episode import load_stack
     from heel.services.loops.scenarios.results import make_report
     from heel.services.run.scenario import run_in_processes
-    from heel.services.runtime.service import stop_signals
+    from heel.services.runtime.stop_signals import stop_signals
 
     mode: Mode = "simulated boxes"
     with stop_signals(PARENT_EXIT_S) as stopping:

@@ -20,9 +20,10 @@ from heel.services.drive.wheels import DriverError, Wheels
 from heel.services.runtime import qos
 from heel.services.runtime.inbox import Arrival
 from heel.services.runtime.logs import StateLog
-from heel.services.runtime.service import ServiceContext, end_within, run_service
+from heel.services.runtime.service import ServiceContext, run_service
 from heel.services.runtime.settings import Loaded
 from heel.services.runtime.stop_keeper import StopKeeper
+from heel.services.runtime.stop_signals import end_within
 from heel.services.runtime.stop_socket import StopSocket
 from heel.services.runtime.streams import END_HOLD_S, Received
 

@@ -33,7 +33,6 @@ from heel.services.runtime.process import (
 )
 from heel.services.runtime.qos import ROUTER_QUEUES, ROUTER_RULES, ROUTER_WAIT_BEFORE_CLOSE_US
 from heel.services.runtime.router_log import ZENOH_FILTER, RouterLog, reading_output, standard_error
-from heel.services.runtime.service import stop_signals
 from heel.services.runtime.session import (
     LEASE_MS,
     MAX_MESSAGE_BYTES,
@@ -54,6 +53,7 @@ from heel.services.runtime.settings import (
     with_addresses_of_file,
 )
 from heel.services.runtime.shared_memory import OWN, Sweeper
+from heel.services.runtime.stop_signals import stop_signals
 
 _LOOPBACK_NAMES = {"localhost", "ip6-localhost"}
 _PORT_ATTEMPTS = 5

@@ -6,13 +6,10 @@ A service is a function of a `ServiceContext` that returns when its work is done
 
 from __future__ import annotations
 
-import faulthandler
 import json
 import logging
 import os
 import secrets
-import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -47,11 +44,10 @@ from heel.services.runtime.session import (
 )
 from heel.services.runtime.settings import Loaded, ServiceSettings
 from heel.services.runtime.shared_memory import SharedMemoryWatch
+from heel.services.runtime.stop_signals import stop_signals
 from heel.services.runtime.streams import StreamJudge
 from heel.services.runtime.twins import TwinWatch
 
-EXIT_DEADLINE_S = 1.7
-"""Longest time from a signal to the end of the process, however stuck it is."""
 LINGER_S = 1.0
 """How long a service stays after the end of its stream, so that its last messages are taken."""
 LOOP_WAIT_S = 0.2
@@ -186,40 +182,6 @@ class ServiceContext(Generic[S]):
     def publisher(self, key: str, qos: TopicQos) -> StreamPublisher:
         """Send a stream in this service's delivery mode."""
         return StreamPublisher(self.session, key, qos, self.settings.delivery, self.producer)
-
-
-@contextmanager
-def stop_signals(exit_deadline_s: float = EXIT_DEADLINE_S) -> Iterator[threading.Event]:
-    """An event that SIGTERM and SIGINT set; a process that then hangs is ended by force."""
-    stop = threading.Event()
-
-    def on_signal(_number: int, _frame: object) -> None:
-        if not stop.is_set():
-            stop.set()
-            end_within(exit_deadline_s)
-
-    previous = {
-        number: signal.signal(number, on_signal) for number in (signal.SIGTERM, signal.SIGINT)
-    }
-    try:
-        yield stop
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
-
-
-def end_within(deadline_s: float) -> None:
-    """See to it that this process ends, with exit code 1 if it takes longer than the deadline."""
-    watchdog = threading.Timer(deadline_s, _end_by_force)
-    watchdog.daemon = True
-    watchdog.start()
-
-
-def _end_by_force() -> None:
-    # Zenoh can hang while closing a session without a router; where it hung is worth a look.
-    sys.stderr.write("forced exit: the service did not end in time\n")
-    faulthandler.dump_traceback(file=sys.stderr)
-    os._exit(1)
 
 
 def run_service(name: str, loaded: Loaded[S], main: Callable[[ServiceContext[S]], None]) -> int:

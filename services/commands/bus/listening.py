@@ -155,8 +155,8 @@ def listening(
 
     from heel.services.runtime.inbox import Inbox
     from heel.services.runtime.qos import TopicQos
-    from heel.services.runtime.service import stop_signals
     from heel.services.runtime.session import MAX_MESSAGE_BYTES
+    from heel.services.runtime.stop_signals import stop_signals
 
     # Only how it is received counts here.
     qos = TopicQos(

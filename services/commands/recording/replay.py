@@ -204,7 +204,7 @@ def replay(
     Commands and emergency stops are sent only if they are named.
     """
     from heel.services.recordings.reading import Recording, wire_messages
-    from heel.services.runtime.service import stop_signals
+    from heel.services.runtime.stop_signals import stop_signals
 
     chosen = selection(topics)
     if lossless:
