@@ -1,14 +1,13 @@
 """How fast recorded video is read, beside OpenCV's reader, in turn so that both meet the same load.
 
-    python -m benchmarks.decoding [VIDEO ...]
-
 Without a file, scenes are drawn and encoded as H.264. OpenCV reads progressive video right, so that
 the two do the same work: the table also says how far their pictures differ.
+
+Example run: python -m benchmarks.decoding VIDEO.mp4
 """
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import subprocess
 import sys
@@ -17,10 +16,12 @@ import time
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
+from typing import Annotated
 
 import av
 import cv2
 import numpy as np
+import typer
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 from rich.console import Console
@@ -28,9 +29,11 @@ from rich.table import Table
 
 from heel.services.capture.sources import open_source
 from heel.services.capture.video_file import VideoFileSource
+from heel.services.runtime.command_line import run_app
 from heel.services.runtime.process import cpu_s, memory_mb
 from heel.services.runtime.quiet import silence_decoders
 
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 ROUNDS = 7
 SIZES = ((640, 480), (1920, 1080))
 Reader = Callable[[Path], Iterator[NDArray[np.uint8]]]
@@ -112,16 +115,19 @@ def compare(path: Path, table: Table) -> None:
     )  # fmt: skip
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("videos", nargs="*", type=Path)
-    parser.add_argument("--peak", choices=READERS, help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
-    if arguments.peak:
-        for _ in READERS[arguments.peak](arguments.videos[0]):
-            pass
-        print(memory_mb()[1])
+@app.command()
+def main(
+    video: Annotated[
+        list[Path] | None, typer.Argument(help="files to read", exists=True, dir_okay=False)
+    ] = None,
+    peak: Annotated[str | None, typer.Option(hidden=True)] = None,
+) -> None:
+    """Print time and memory of reading recordings, beside OpenCV's reader."""
+    if peak is not None:
+        for path in video or []:
+            for _ in READERS[peak](path):
+                pass
+        typer.echo(memory_mb()[1])
         return
     table = Table("video")
     for what in ("wall ms", "CPU ms"):
@@ -130,7 +136,7 @@ def main() -> None:
     for column in ("OpenCV peak MB", "Heel peak MB", "largest mean difference"):
         table.add_column(column, justify="right")
     with tempfile.TemporaryDirectory() as folder:
-        videos = arguments.videos or [
+        videos = video or [
             draw(Path(folder) / f"scene-{width}x{height}.mp4", width, height)
             for width, height in SIZES
         ]
@@ -140,4 +146,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_app(app)

@@ -1,14 +1,13 @@
 """What recording costs, and whether anything is lost: raw frames at a camera's rate for some time.
 
-    python -m benchmarks.recording [--seconds 600] [--no-foxglove]
-
 Frames go through shared memory as a camera's do, with tracks beside them; the recorder is a process
 of its own and tells in its health what it takes. The recording is read again and then removed.
+
+Example run: python -m benchmarks.recording --seconds 600
 """
 
 from __future__ import annotations
 
-import argparse
 import logging
 import subprocess
 import sys
@@ -16,8 +15,10 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 import zenoh
 
 from benchmarks.common import wait_for
@@ -26,13 +27,18 @@ from heel.schemas.image import RAW
 from heel.services.commands.recording.checking import check
 from heel.services.recordings.reading import Recording
 from heel.services.runtime import qos
+from heel.services.runtime.command_line import run_app
 from heel.services.runtime.frame_memory import LIVE_FRAMES, MOST_LIVE_FRAMES, FrameMemory
 from heel.services.runtime.router import open_private_router
 from heel.services.runtime.session import open_session
 from heel.services.runtime.settings import ZenohSettings
 
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 WIDTH, HEIGHT, RATE_HZ = 768, 576, 25.0
 _PRODUCER = "capture/bench@00000001"
+_FIRST_S = 2.0
+"""Recorded before it is measured: what is taken once, such as memory for the first frames, is not
+counted; chosen by hand."""
 _UP_S = 90.0
 """Longest wait for the recorder to be up, on a busy machine."""
 
@@ -99,8 +105,7 @@ def measure(seconds: float, out: Path, foxglove: bool) -> None:
             try:
                 wait_for(lambda: any(h.state == "ok" for h in heard), _UP_S, "no recorder")
                 camera = Camera(session)
-                # What is taken once, such as memory for the first frames, is not counted.
-                send_for(camera, 2.0)
+                send_for(camera, _FIRST_S)
                 first = heard[-1]
                 send_for(camera, seconds)
                 time.sleep(1.0)
@@ -112,7 +117,8 @@ def measure(seconds: float, out: Path, foxglove: bool) -> None:
     (file,) = out.glob("*.mcap")
     found = check(Recording(file))
     frames, tracks = (found.topics[key("front")] for key in (keys.image, keys.tracks))
-    print(f"{camera.sent} frames of {WIDTH}x{HEIGHT} sent in {seconds:.0f} s: {frames.messages} "
+    print(f"{camera.sent} frames of {WIDTH}x{HEIGHT} sent in "
+          f"{_FIRST_S + seconds:.0f} s: {frames.messages} "
           f"recorded, {frames.missing} missing; tracks {tracks.messages}, {tracks.missing} "
           f"missing; dropped, as the recorder says, {last.dropped}")  # fmt: skip
     print(f"processor {spent:.1%} of a core; memory {first.rss_mb:.0f} MB at first, "
@@ -120,15 +126,15 @@ def measure(seconds: float, out: Path, foxglove: bool) -> None:
           f"file {file.stat().st_size / 1e6:.0f} MB")  # fmt: skip
 
 
-def main() -> None:
-    """Measure."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=600.0)
-    parser.add_argument("--foxglove", action=argparse.BooleanOptionalAction, default=True)
-    asked = parser.parse_args()
+@app.command()
+def main(
+    seconds: Annotated[float, typer.Option(min=1.0, help="how long is recorded")] = 600.0,
+    foxglove: Annotated[bool, typer.Option(help="with what Foxglove shows beside it")] = True,
+) -> None:
+    """Record raw frames at a camera's rate, and read the recording again."""
     with tempfile.TemporaryDirectory() as folder:
-        measure(asked.seconds, Path(folder), asked.foxglove)
+        measure(seconds, Path(folder), foxglove)
 
 
 if __name__ == "__main__":
-    main()
+    run_app(app)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from heel.services.runtime import one_blas_thread  # noqa: F401
+from heel.services.runtime.interrupts import interrupts_end
 
-# isort: split
-from heel.services.drive.settings import DriveServiceSettings
-from heel.services.runtime.command_line import service_app
+with interrupts_end():
+    from heel.services.drive.settings import DriveServiceSettings
+    from heel.services.runtime.command_line import service_app
 
 if __name__ == "__main__":
     service_app("drive", DriveServiceSettings, "Run the robot's end: commands to wheels.")

@@ -23,9 +23,12 @@ class Interrupted:
 # A parent may have it ignored, as a shell does for what it starts in the background.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.meta_path.insert(0, Interrupted())
-sys.argv = ["heel", "--version"]
-runpy.run_module("heel", run_name="__main__", alter_sys=True)
+module = sys.argv[1]
+sys.argv = [module, "--help"]
+runpy.run_module(module, run_name="__main__", alter_sys=True)
 """
+_ENTRIES = sorted((REPOSITORY / "services").glob("*/__main__.py"))
+_MODULES = ["heel", *(f"heel.services.{entry.parent.name}" for entry in _ENTRIES)]
 
 
 def run(command: list[str]) -> subprocess.CompletedProcess[str]:
@@ -52,6 +55,7 @@ def test_a_full_disk_behind_standard_output_is_one_line() -> None:
     assert done.stderr == "heel: standard output: No space left on device\n"
 
 
-def test_an_interrupt_while_it_starts_just_ends_it() -> None:
-    done = run([sys.executable, "-c", _IMPORTING])
+@pytest.mark.parametrize("module", _MODULES)
+def test_an_interrupt_while_it_starts_just_ends_it(module: str) -> None:
+    done = run([sys.executable, "-c", _IMPORTING, module])
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
