@@ -284,11 +284,20 @@ def ask(
     Raises:
         HeelError: the process that answers refuses.
     """
+    from heel.services.runtime.asking import EVERY_ANSWER, EVERYBODY, refusal
+
     payload = None if request is None else encode(request)
     encoding = None if request is None else request.encoding()
-    for reply in session.get(key, payload=payload, encoding=encoding, timeout=TIMEOUT_S):
+    for reply in session.get(
+        key,
+        target=EVERYBODY,
+        consolidation=EVERY_ANSWER,
+        payload=payload,
+        encoding=encoding,
+        timeout=TIMEOUT_S,
+    ):
         if reply.ok is not None:
             return decode(kind, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
-        if reply.err is not None:
-            raise HeelError(reply.err.payload.to_bytes().decode(errors="replace"))
+        if (refused := refusal(reply)) is not None:
+            raise HeelError(refused)
     return None

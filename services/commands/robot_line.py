@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -56,6 +57,8 @@ class Heard:
     follower: tuple[FollowState, float] | None = None
     engagements: dict[str, EStop] = field(default_factory=dict)
     """Engaged emergency stops that processes have replied, by id."""
+    held_since_s: dict[str, float] = field(default_factory=dict)
+    """Monotonic time since which each of them has held, by the process that has held it longest."""
     alive: set[str] = field(default_factory=set)
     """Kinds of services that are present, by their tokens: `drive`, `follower`."""
 
@@ -174,14 +177,16 @@ class RobotLine:
     def _ask(self, session: zenoh.Session) -> None:
         import zenoh
 
-        drop = zenoh.CongestionControl.DROP
-        session.get(
-            keys.FOLLOW_STATE, self._note_follower_reply, timeout=_QUESTION_S,
-            congestion_control=drop,
-        )  # fmt: skip
-        session.get(
-            keys.FOLLOW_ESTOP, self._note_engagement, timeout=_QUESTION_S, congestion_control=drop
-        )
+        from heel.services.runtime.asking import EVERY_ANSWER, EVERYBODY
+
+        for key, note in (
+            (keys.FOLLOW_STATE, self._note_follower_reply),
+            (keys.FOLLOW_ESTOP, self._note_engagement),
+        ):
+            session.get(
+                key, note, target=EVERYBODY, consolidation=EVERY_ANSWER, timeout=_QUESTION_S,
+                congestion_control=zenoh.CongestionControl.DROP,
+            )  # fmt: skip
         session.liveliness().get(keys.ALL_ALIVE, self._note_alive, timeout=_QUESTION_S)
 
     def _note_drive(self, sample: zenoh.Sample) -> None:
@@ -208,8 +213,11 @@ class RobotLine:
         if reply.ok is None or (estop := _read(EStop, reply.ok)) is None or not estop.engaged:
             return
         with self._changed:
-            if len(self._heard.engagements) < _MOST_VOICES:
+            known = estop.id in self._heard.engagements
+            if known or len(self._heard.engagements) < _MOST_VOICES:
+                since_s = self._heard.held_since_s.get(estop.id, math.inf)
                 self._heard.engagements[estop.id] = estop
+                self._heard.held_since_s[estop.id] = min(since_s, _held_since_s(reply.ok))
             self._changed.notify_all()
 
     def _note_alive(self, reply: zenoh.Reply) -> None:
@@ -217,6 +225,18 @@ class RobotLine:
             with self._changed:
                 self._heard.alive.add(str(reply.ok.key_expr).split("/")[1])
                 self._changed.notify_all()
+
+
+def _held_since_s(answer: zenoh.Sample) -> float:
+    """Monotonic time since which what is answered holds: later than the truth by the link's delay.
+
+    Always, as far as is known, where the one that answers does not tell.
+    """
+    with suppress(MessageError):
+        if answer.attachment is not None:
+            stamp = decode(Stamp, answer.attachment.to_bytes())
+            return time.monotonic() - stamp.age_ns / 1e9
+    return -math.inf
 
 
 def _read(kind: type[MessageT], sample: zenoh.Sample) -> MessageT | None:

@@ -76,18 +76,20 @@ def resume(
     """Release the emergency stop.
 
     Nothing is released unless drive and follower answer, and the stop is engaged again if one of
-    them does not obey the release.
+    them does not obey the release. A stop that was pressed after this was typed stays.
     """
+    typed_s = time.monotonic() - _age_s()
     where = robot.find()
     deadline_s = time.monotonic() + _ASK_S
     line = RobotLine(where)
     here = _Here(where, None)
     line.wait(lambda heard, now_s: heard.failure != "" or (
-        here.done and refusal(heard, here.answers, where.router, without_follower, now_s) == ""
+        here.done
+        and refusal(heard, here.answers, where.router, without_follower, typed_s, now_s) == ""
     ), deadline_s)  # fmt: skip
     heard = line.look()
     refused = heard.failure or refusal(
-        heard, here.answers, where.router, without_follower, time.monotonic()
+        heard, here.answers, where.router, without_follower, typed_s, time.monotonic()
     )
     if not here.done:
         refused = "the drive on this machine does not answer"
@@ -213,9 +215,19 @@ def _beside(heard: Heard, now_s: float) -> str:
 
 
 def refusal(
-    heard: Heard, here: list[LocalAnswer], router: str, without_follower: bool, now_s: float
+    heard: Heard, here: list[LocalAnswer], router: str, without_follower: bool, typed_s: float,
+    now_s: float,
 ) -> str:  # fmt: skip
-    """Why the emergency stop may not be released now; "" if it may."""
+    """Why the emergency stop may not be released now; "" if it may.
+
+    Args:
+        heard: state received by now.
+        here: of the drives on this machine.
+        router: in words.
+        without_follower: whether there may be none.
+        typed_s: when the release was asked for, monotonic.
+        now_s: monotonic.
+    """
     drives, follower = heard.fresh_drives(now_s), heard.fresh_follower(now_s)
     if not heard.connected:
         return f"no Zenoh router at {router} answers"
@@ -227,6 +239,8 @@ def refusal(
         )
     if not drives and follower is None:
         return "no drive and no follower answers: is the robot on?"
+    if any(since_s > typed_s for since_s in heard.held_since_s.values()):
+        return "STOP was pressed after this was typed: resume again if that is meant"
     stands = any(state.estop for state in drives.values()) or _stands(follower)
     return "nobody tells which engagement holds" if stands and not heard.engagements else ""
 

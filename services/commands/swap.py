@@ -121,17 +121,18 @@ def _ask(session: zenoh.Session, service: str, camera: str, successor: str) -> s
         HeelError: none answers, or it refuses.
     """
     from heel.schemas import keys
+    from heel.services.runtime.asking import EVERY_ANSWER, EVERYBODY, refusal
 
     request: Message = Handover(successor=successor)
     replies = session.get(
-        keys.handover(camera, service), payload=encode(request), encoding=request.encoding(),
-        timeout=TIMEOUT_S,
+        keys.handover(camera, service), target=EVERYBODY, consolidation=EVERY_ANSWER,
+        payload=encode(request), encoding=request.encoding(), timeout=TIMEOUT_S,
     )  # fmt: skip
     for reply in replies:
         if reply.ok is not None:
             return reply.ok.payload.to_string()
-        if reply.err is not None:
-            raise HeelError(reply.err.payload.to_bytes().decode(errors="replace"))
+        if (refused := refusal(reply)) is not None:
+            raise HeelError(refused)
     raise HeelError(f"no {service} of camera {camera} answers: the one that stands by takes over "
                     "by itself once frames come")  # fmt: skip
 

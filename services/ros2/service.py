@@ -81,7 +81,9 @@ class Bridge:
         # Latched, without a stamp: no stream to be judged.
         context.inbox.subscribe("state", keys.FOLLOW_STATE, qos.STATE)
         self._info = resources.enter_context(Latched(session, keys.info(s.camera), qos.INFO))
-        self._estop = resources.enter_context(Latched(session, keys.FOLLOW_ESTOP, qos.ESTOP))
+        self._estop = resources.enter_context(
+            Latched(session, keys.FOLLOW_ESTOP, qos.ESTOP, context.producer)
+        )
         self._taken = context.publisher(keys.taken(s.camera), qos.TAKEN)
         self._image = ImagePublisher(context, s.jpeg_quality, None)
         self._odometry = context.publisher(keys.ROBOT_ODOMETRY, qos.ODOMETRY)

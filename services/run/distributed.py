@@ -22,6 +22,7 @@ from heel.services.run.revival import Revival
 from heel.services.run.silence import HUNG_S, Silences
 from heel.services.run.summary import RunSummary
 from heel.services.runtime import process
+from heel.services.runtime.asking import EVERY_ANSWER, EVERYBODY
 from heel.services.runtime.inbox import Inbox
 from heel.services.runtime.logs import OncePerSecond
 from heel.services.runtime.registry import Registration, registered
@@ -217,7 +218,9 @@ class DistributedRun:
 def _settings_in_force(session: zenoh.Session) -> dict[str, Any]:
     """What every service answers on its config key."""
     found: dict[str, Any] = {}
-    for reply in session.get(keys.ALL_CONFIG, timeout=2.0):
+    for reply in session.get(
+        keys.ALL_CONFIG, target=EVERYBODY, consolidation=EVERY_ANSWER, timeout=2.0
+    ):
         if reply.ok is not None:
             found |= json.loads(reply.ok.payload.to_bytes())
     return found

@@ -34,6 +34,7 @@ from heel.services.run.onlooker import Onlooker, Recorder
 from heel.services.run.revival import Revival
 from heel.services.run.silence import HUNG_S, Silences
 from heel.services.runtime import qos
+from heel.services.runtime.asking import EVERY_ANSWER, EVERYBODY
 from heel.services.runtime.chain import page_of
 from heel.services.runtime.inbox import Arrival, Inbox
 from heel.services.runtime.logs import OncePerSecond
@@ -287,8 +288,8 @@ class WorldRun:
 def _click(session: zenoh.Session, request: TargetRequest) -> None:
     """Send a choice as the page does, without waiting for the reply: the next state shows it."""
     session.get(
-        keys.FOLLOW_TARGET, _leave_unread, timeout=_ANSWER_S, payload=encode(request),
-        encoding=request.encoding(),
+        keys.FOLLOW_TARGET, _leave_unread, target=EVERYBODY, consolidation=EVERY_ANSWER,
+        timeout=_ANSWER_S, payload=encode(request), encoding=request.encoding(),
     )  # fmt: skip
 
 

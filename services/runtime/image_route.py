@@ -17,6 +17,7 @@ import zenoh
 
 from heel.schemas import CameraInfo, Header, MessageError, Progress, decode, encode, keys
 from heel.services.runtime import qos as topics
+from heel.services.runtime.asking import EVERY_ANSWER, EVERYBODY
 from heel.services.runtime.clock import monotonic_clock
 from heel.services.runtime.counters import ServiceStatistics
 from heel.services.runtime.inbox import Arrival, Inbox
@@ -49,7 +50,11 @@ def image_key(camera: str, camera_host: str | None, router_host: str | None, her
 def router_host(session: zenoh.Session) -> str | None:
     """The host of the router that this session is a client of; None if it does not say."""
     for reply in session.get(
-        keys.ROUTER_VERSION, timeout=_ROUTER_S, congestion_control=zenoh.CongestionControl.DROP
+        keys.ROUTER_VERSION,
+        target=EVERYBODY,
+        consolidation=EVERY_ANSWER,
+        timeout=_ROUTER_S,
+        congestion_control=zenoh.CongestionControl.DROP,
     ):
         if reply.ok is not None:
             with suppress(ValueError, AttributeError):

@@ -11,14 +11,12 @@ from contextlib import suppress
 from typing import Generic, TypeVar
 
 import zenoh
-from zenoh.handlers import FifoChannel
 
 from heel.schemas import Message, MessageError, decode
+from heel.services.runtime.asking import Question
 
 _PERIOD_S = 2.0
 """Seconds between two questions; chosen by hand."""
-_MOST_ANSWERS = 16
-"""Answers taken to one question; no topic has as many holders."""
 _LONGEST_S = 1.0
 """Seconds after which a question asked once is over; chosen by hand."""
 _LOOK_S = 0.01
@@ -27,30 +25,10 @@ _LOOK_S = 0.01
 M = TypeVar("M", bound=Message)
 
 
-class _Question:
-    """One question on a key, and the answers as they come."""
-
-    def __init__(self, session: zenoh.Session, key: str, timeout_s: float) -> None:
-        # Not a RingChannel: it loses its replies when the query ends before they are read.
-        self._replies = session.get(
-            key, FifoChannel(_MOST_ANSWERS), timeout=timeout_s,
-            congestion_control=zenoh.CongestionControl.DROP,
-        )  # fmt: skip
-        self.over = False
-        """Whether all have answered, or the time is over."""
-
-    def answers(self) -> Iterator[zenoh.Sample]:
-        """Those that have come since the last call; never waits."""
-        while not self.over:
-            try:
-                reply = self._replies.try_recv()
-            except zenoh.ZError:
-                self.over = True
-                return
-            if reply is None:
-                return
-            if reply.ok is not None:
-                yield reply.ok
+def _answers(question: Question) -> Iterator[zenoh.Sample]:
+    for reply in question.replies():
+        if reply.ok is not None:
+            yield reply.ok
 
 
 def latched_values(
@@ -74,11 +52,11 @@ def latched_samples(
 
     Ends when all have answered, after a second, or when `stop` is set, whichever is first.
     """
-    questions = [_Question(session, key, _LONGEST_S) for key in wanted]
+    questions = [Question(session, key, _LONGEST_S) for key in wanted]
     deadline_s = time.monotonic() + _LONGEST_S
     while not stop.is_set():
         for question in questions:
-            yield from question.answers()
+            yield from _answers(question)
         if all(question.over for question in questions) or time.monotonic() > deadline_s:
             return
         stop.wait(_LOOK_S)
@@ -97,7 +75,7 @@ class LatchedQuery(Generic[M]):
         self._session = session
         self._key = key
         self._kind = kind
-        self._question: _Question | None = None
+        self._question: Question | None = None
         self._asked_s = -math.inf
 
     def poll(self, now_s: float) -> M | None:
@@ -108,10 +86,10 @@ class LatchedQuery(Generic[M]):
         """
         if now_s - self._asked_s >= _PERIOD_S:
             self._asked_s = now_s
-            self._question = _Question(self._session, self._key, _PERIOD_S / 2)
+            self._question = Question(self._session, self._key, _PERIOD_S / 2)
         if self._question is None:
             return None
-        sample = next(self._question.answers(), None)
+        sample = next(_answers(self._question), None)
         return None if sample is None else _decoded(self._kind, sample)
 
 
@@ -132,7 +110,7 @@ class LatchedAnswers(Generic[M]):
         self._key = key
         self._kind = kind
         self._period_s = period_s
-        self._question: _Question | None = None
+        self._question: Question | None = None
         self._answers: list[M] = []
         self.asked_s = -math.inf
         """When the last question went out."""
@@ -145,13 +123,12 @@ class LatchedAnswers(Generic[M]):
         if self._question is None and now_s - self.asked_s >= self._period_s:
             self.asked_s = now_s
             self._answers = []
-            self._question = _Question(self._session, self._key, self._period_s / 2)
+            self._question = Question(self._session, self._key, self._period_s / 2)
         if self._question is None:
             return None
-        for sample in self._question.answers():
-            if len(self._answers) < _MOST_ANSWERS:
-                with suppress(MessageError):
-                    self._answers.append(_decoded(self._kind, sample))
+        for sample in _answers(self._question):
+            with suppress(MessageError):
+                self._answers.append(_decoded(self._kind, sample))
         if not self._question.over:
             return None
         self._question = None

@@ -75,12 +75,21 @@ class Latched:
     """A value whose changes are published and whose present can be asked for, on one key.
 
     Plain publisher plus queryable: stable Zenoh API, no timestamps needed, small access rules.
+
+    Args:
+        session: the service's session.
+        key: of the value.
+        qos: of its changes.
+        producer: answers carry a `Stamp` of this process, whose age is the time for which the
+            value has held here; "" for none.
     """
 
-    def __init__(self, session: zenoh.Session, key: str, qos: TopicQos) -> None:
+    def __init__(self, session: zenoh.Session, key: str, qos: TopicQos, producer: str = "") -> None:
         self._key = key
+        self._producer = producer
         self._lock = threading.Lock()
         self._current: Message | None = None
+        self._since_s = time.monotonic()
         self._publisher = session.declare_publisher(
             key, priority=qos.priority, congestion_control=qos.congestion, express=qos.express
         )
@@ -88,21 +97,28 @@ class Latched:
 
     def _answer(self, query: zenoh.Query) -> None:
         with self._lock:
-            current = self._current
+            current, held_s = self._current, time.monotonic() - self._since_s
         with query:
-            if current is not None:
-                query.reply(self._key, encode(current), encoding=current.encoding())
+            if current is None:
+                return
+            stamp = None if not self._producer else encode(Stamp(
+                producer=self._producer, t_sent_ns=time.time_ns(),
+                age_ns=min(round(held_s * 1e9), MAX_AGE_NS),
+            ))  # fmt: skip
+            query.reply(
+                self._key, encode(current), encoding=current.encoding(), attachment=stamp
+            )  # fmt: skip
 
     def set(self, message: Message) -> None:
         """Publish a new value and keep it for late joiners."""
-        with self._lock:
-            self._current = message
+        self.keep(message)
         self._publisher.put(encode(message), encoding=message.encoding())
 
     def keep(self, message: Message | None) -> None:
         """Answer with this value from now on, or not; another process has published it."""
         with self._lock:
-            self._current = message
+            if message != self._current:
+                self._current, self._since_s = message, time.monotonic()
 
     def __enter__(self) -> Latched:
         return self

@@ -60,7 +60,7 @@ class StopKeeper:
         self._latch = StopLatch()
         context.inbox.subscribe("estop", keys.FOLLOW_ESTOP, qos.ESTOP)
         self._answered = resources.enter_context(
-            Latched(context.session, keys.FOLLOW_ESTOP, qos.ESTOP)
+            Latched(context.session, keys.FOLLOW_ESTOP, qos.ESTOP, context.producer)
         )
         self._others = LatchedAnswers(context.session, keys.FOLLOW_ESTOP, EStop, _ASK_PERIOD_S)
         self._file = self._place()

@@ -16,9 +16,9 @@ from contextlib import ExitStack
 from typing import NamedTuple
 
 import zenoh
-from zenoh.handlers import FifoChannel
 
 from heel.schemas import Handover, HeelError, MessageError, Snapshot, Stamp, decode, encode, keys
+from heel.services.runtime.asking import EVERY_ANSWER, EVERYBODY, Question, refusal
 from heel.services.runtime.publishing import StreamPublisher
 from heel.services.runtime.streams import PRODUCER_STALE_S
 
@@ -309,7 +309,7 @@ class SnapshotQuestion:
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self._session, self._key = session, key
-        self._replies: zenoh.handlers.Handler[zenoh.Reply] | None = None
+        self._question: Question | None = None
         self._asked_s = -_ASK_PERIOD_S
         self.refusal = ""
         """Why there is none, as the one that was asked says."""
@@ -320,28 +320,22 @@ class SnapshotQuestion:
         Raises:
             MessageError: the answer is no snapshot.
         """
-        if self._replies is None:
+        if self._question is None:
             if now_s - self._asked_s < _ASK_PERIOD_S:
                 return None
             self._asked_s = now_s
-            self._replies = self._session.get(
-                self._key, FifoChannel(_MOST_ASKED), timeout=_ANSWER_S,
-                congestion_control=zenoh.CongestionControl.DROP,
-            )  # fmt: skip
-        try:
-            reply = self._replies.try_recv()
-        except zenoh.ZError:
-            self._replies = None  # All have answered, or the time is over.
-            return None
-        if reply is None:
-            return None
-        self._replies = None
-        if reply.ok is None:
-            self.refusal = reply.err.payload.to_string()[:200] if reply.err is not None else ""
-            return None
-        return decode(Snapshot, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
+            self._question = Question(self._session, self._key, _ANSWER_S)
+        for reply in self._question.replies():
+            if reply.ok is not None:
+                self._question = None
+                return decode(Snapshot, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
+            self.refusal = refusal(reply) or ""
+        if self._question.over:
+            self._question = None
+        return None
 
 
 def leads_already(session: zenoh.Session, key: str) -> bool:
     """Whether a process answers for its state, waiting for a second at most."""
-    return any(True for _ in session.get(key, timeout=_ANSWER_S))
+    replies = session.get(key, target=EVERYBODY, consolidation=EVERY_ANSWER, timeout=_ANSWER_S)
+    return any(reply.ok is not None or refusal(reply) is not None for reply in replies)

@@ -28,6 +28,7 @@ from heel.schemas import (
     keys,
 )
 from heel.services.runtime import qos
+from heel.services.runtime.asking import EVERY_ANSWER, EVERYBODY, refusal
 from heel.services.runtime.latched import LatchedAnswers
 from heel.services.runtime.publishing import Latched
 from heel.services.runtime.service import ServiceContext
@@ -36,15 +37,10 @@ from heel.services.web.estop import PageStop, Part
 from heel.services.web.settings import WebServiceSettings
 from heel.services.web.worker import BusyError, Worker
 
-_MAX_ERROR_TEXT = 300
-"""Characters of a refusal that the page shows; chosen by hand."""
 _MAX_WAITING = 8
 """Requests of a kind that may wait; more are refused as busy. Chosen by hand."""
 _HERE_S = 0.5
 """Seconds that a drive on this machine has to answer; it takes milliseconds."""
-# What Zenoh itself puts in an error reply when no answer came in time.
-_ZENOH_TIMEOUT = "Timeout"
-
 
 M = TypeVar("M", bound=Message)
 
@@ -84,7 +80,7 @@ class Control:
         self._robot = context.robot
         self._others = LatchedAnswers(context.session, keys.FOLLOW_ESTOP, EStop)
         self._estop = resources.enter_context(
-            Latched(context.session, keys.FOLLOW_ESTOP, qos.ESTOP)
+            Latched(context.session, keys.FOLLOW_ESTOP, qos.ESTOP, context.producer)
         )
         self.stops = Worker("stop", _MAX_WAITING, resources)
         """Does `stop`; no number of resumes takes a stop's place."""
@@ -137,21 +133,22 @@ class Control:
         replies = self._session.get(
             key,
             FifoChannel(8),
+            target=EVERYBODY,
+            consolidation=EVERY_ANSWER,
             payload=encode(request),
             encoding=request.encoding(),
             timeout=_TARGET_TIMEOUT_S,
         )
-        refusal: str | None = None
+        refused: str | None = None
         for reply in replies:
             if reply.ok is not None:
                 return decode(kind, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
-            if reply.err is not None:
-                refusal = _text(reply.err.payload.to_bytes())
-        if refusal is None or refusal == _ZENOH_TIMEOUT:
+            refused = refusal(reply) or refused
+        if refused is None:
             raise NoFollowerError(
                 f"no answer from the follower within {_TARGET_TIMEOUT_S:g} s: is it running?"
             )
-        raise TargetRefusedError(refusal)
+        raise TargetRefusedError(refused)
 
     def stop_is_asked_for(self) -> None:
         """A stop is wanted: from now on no resume that was asked for before it counts."""
@@ -242,7 +239,3 @@ class Control:
 
     def _source(self, who: str) -> str:
         return f"{self._producer} {who}"[:96]
-
-
-def _text(payload: bytes) -> str:
-    return " ".join(payload.decode(errors="replace").split())[:_MAX_ERROR_TEXT]

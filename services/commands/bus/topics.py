@@ -190,9 +190,11 @@ def _figures(
 
 def _kept(session: zenoh.Session, *wanted: str) -> list[Received]:
     """Values that their senders keep for those who come late."""
+    from heel.services.runtime.asking import EVERY_ANSWER, EVERYBODY
+
     found: list[Received] = []
     for key in wanted:
-        for reply in session.get(key, timeout=_ASK_S):
+        for reply in session.get(key, target=EVERYBODY, consolidation=EVERY_ANSWER, timeout=_ASK_S):
             if (sample := reply.ok) is None:
                 continue
             payload = sample.payload.to_bytes() if len(sample.payload) <= _LARGEST_BYTES else None

@@ -146,7 +146,11 @@ def _note_clock(arrival: Arrival, clocks_s: dict[str, float]) -> None:
 
 def _versions(bus: Listening) -> dict[str, str]:
     """Of the router's software; none where it does not say."""
-    for reply in bus.session.get(keys.ROUTER_VERSION, timeout=TIMEOUT_S):
+    from heel.services.runtime.asking import EVERY_ANSWER, EVERYBODY
+
+    for reply in bus.session.get(
+        keys.ROUTER_VERSION, target=EVERYBODY, consolidation=EVERY_ANSWER, timeout=TIMEOUT_S
+    ):
         if reply.ok is None:
             continue
         with suppress(ValueError, AttributeError):

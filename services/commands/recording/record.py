@@ -120,11 +120,15 @@ def _save(flags: RobotFlags) -> None:
     Raises:
         HeelError: there is none, or it cannot.
     """
+    from heel.services.runtime.asking import EVERY_ANSWER, EVERYBODY, refusal
+
     with session_with(flags.find()) as session:
         files = []
-        for reply in session.get(keys.ALL_SAVE, timeout=_SAVED_S):
-            if reply.err is not None:
-                raise HeelError(reply.err.payload.to_bytes().decode(errors="replace")[:400])
+        for reply in session.get(
+            keys.ALL_SAVE, target=EVERYBODY, consolidation=EVERY_ANSWER, timeout=_SAVED_S
+        ):
+            if (refused := refusal(reply)) is not None:
+                raise HeelError(refused)
             if reply.ok is not None:
                 files.append(str(json.loads(reply.ok.payload.to_bytes())["file"]))
     if not files:

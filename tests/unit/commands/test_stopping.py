@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from heel.schemas import DriveState, EStop, FollowState, Target
@@ -10,6 +12,7 @@ from heel.services.commands.stopping import is_released, is_stopped, refusal, to
 from heel.services.runtime.stop_socket import LocalAnswer
 
 NOW_S = 100.0
+TYPED_S = 99.0
 ROUTER = "tcp/127.0.0.1:7447"
 
 
@@ -101,7 +104,7 @@ def test_without_a_drive_the_follower_confirms() -> None:
 def test_nothing_is_released_unless_everybody_answers(
     said: Heard, here: list[LocalAnswer], alone: bool, words: str
 ) -> None:
-    why = refusal(said, here, ROUTER, alone, NOW_S)
+    why = refusal(said, here, ROUTER, alone, TYPED_S, NOW_S)
     assert words in why
     assert bool(why) == bool(words)
 
@@ -109,8 +112,19 @@ def test_nothing_is_released_unless_everybody_answers(
 def test_a_release_waits_for_the_id_of_the_engagement() -> None:
     said = heard(True, following=True)
     said.engagements.clear()
-    assert "which engagement" in refusal(said, [], ROUTER, False, NOW_S)
-    assert refusal(heard(False, following=False), [], ROUTER, False, NOW_S) == ""
+    assert "which engagement" in refusal(said, [], ROUTER, False, TYPED_S, NOW_S)
+    assert refusal(heard(False, following=False), [], ROUTER, False, TYPED_S, NOW_S) == ""
+
+
+@pytest.mark.parametrize(
+    ("since_s", "released"), [(-math.inf, True), (TYPED_S - 0.1, True), (TYPED_S + 0.1, False)]
+)
+def test_a_stop_that_holds_since_after_the_release_was_typed_stays(
+    since_s: float, released: bool
+) -> None:
+    said = heard(True, following=True)
+    said.held_since_s["a"] = since_s
+    assert (refusal(said, [], ROUTER, False, TYPED_S, NOW_S) == "") == released
 
 
 @pytest.mark.parametrize(

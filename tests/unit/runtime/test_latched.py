@@ -11,8 +11,9 @@ from contextlib import contextmanager
 import pytest
 import zenoh
 
-from heel.schemas import EStop, MessageError
+from heel.schemas import EStop, MessageError, encode
 from heel.services.runtime import latched, qos
+from heel.services.runtime.asking import Question
 from heel.services.runtime.latched import LatchedAnswers, LatchedQuery, latched_values
 from heel.services.runtime.publishing import Latched
 from tests.support.network import DEADLINE_S, wait_until
@@ -64,6 +65,36 @@ def test_asked_once_all_values_come(sender: zenoh.Session, receiver: zenoh.Sessi
         reach(receiver, "latched/once")
         found = latched_values(receiver, "latched/once", EStop, LOG, threading.Event())
         assert list(found) == [STOP]
+
+
+def test_everybody_who_holds_a_value_is_heard(
+    sender: zenoh.Session, receiver: zenoh.Session
+) -> None:
+    """By default Zenoh passes on the last answer of a key alone: the stop might be another's."""
+    release = EStop(engaged=False, source="somebody else", id="1" * 16)
+    with (
+        Latched(sender, "latched/both", qos.ESTOP) as one,
+        Latched(receiver, "latched/both", qos.ESTOP) as other,
+    ):
+        one.set(STOP)
+        other.set(release)
+        reach(receiver, "latched/both")
+        found = latched_values(receiver, "latched/both", EStop, LOG, threading.Event())
+        assert sorted(answer.source for answer in found) == [STOP.source, release.source]
+
+
+def test_a_flood_of_answers_is_bounded(sender: zenoh.Session, receiver: zenoh.Session) -> None:
+    def flood(query: zenoh.Query) -> None:
+        with query:
+            for _ in range(500):
+                query.reply(query.key_expr, encode(STOP), encoding=EStop.encoding())
+
+    with answering(sender, "latched/flood", flood):
+        reach(receiver, "latched/flood")
+        question = Question(receiver, "latched/flood", DEADLINE_S)
+        wait_until(question._ended.is_set, "the last answer")
+        assert 0 < len(list(question.replies())) <= 16
+        assert question.over
 
 
 def test_asked_once_what_is_no_such_message_is_logged_and_the_rest_comes(

@@ -83,6 +83,26 @@ def test_late_joiners_get_the_newest_latched_value(
         wait_until(lambda: asked(receiver, "out/latched") == [stop("second")], "the answer")
 
 
+def test_an_answer_tells_how_long_its_value_has_held(
+    sender: zenoh.Session, receiver: zenoh.Session
+) -> None:
+    def held_s() -> float:
+        for reply in receiver.get("out/held"):
+            if reply.ok is not None and reply.ok.attachment is not None:
+                stamp = decode(Stamp, reply.ok.attachment.to_bytes())
+                assert stamp.producer == PRODUCER
+                return stamp.age_ns / 1e9
+        return -1.0
+
+    with Latched(sender, "out/held", qos.ESTOP, PRODUCER) as value:
+        value.keep(stop("one"))
+        wait_until(lambda: held_s() > 0.1, "some time")
+        value.keep(stop("one"))
+        assert held_s() > 0.1, "said again it is no other"
+        value.keep(stop("another"))
+        assert held_s() < 0.1
+
+
 def test_a_latched_topic_without_value_answers_nothing(
     sender: zenoh.Session, receiver: zenoh.Session
 ) -> None:
