@@ -18,6 +18,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from heel.schemas.errors import HeelError
+from heel.services.runtime.logs import printable
 from heel.services.runtime.places import run_folder
 
 _FOLDER = "runs"
@@ -25,6 +26,8 @@ _MAX_RUNS = 64
 """Runs that are listed; chosen by hand."""
 _MAX_BYTES = 8192
 """Of a note; ours have some hundred bytes."""
+_LONGEST_PATH = 4096
+"""Characters of a path; Linux takes no more."""
 _LOOK_S = 1.0
 """Seconds between two looks whether the note is still there; chosen by hand."""
 
@@ -65,7 +68,7 @@ class Registration:
 
     def processes_are(self, pids: Mapping[str, int], logs: Path) -> None:
         """The services have been started."""
-        self._tell(pids=dict(pids), logs=str(logs.absolute()))
+        self._tell(pids=dict(pids), logs=printable(str(logs.absolute()), _LONGEST_PATH))
 
     def _tell(self, **news: object) -> None:
         self._run = self._run.model_copy(update=news)
@@ -124,8 +127,8 @@ def registered(
     A run folder that cannot be used is a warning: the run itself does not need it.
     """
     pid = os.getpid()
-    run = Run(pid=pid, started=_started(pid) or "", kind=kind, what=what, endpoint=endpoint,
-              parts=parts, robot=robot)  # fmt: skip
+    run = Run(pid=pid, started=_started(pid) or "", kind=kind, what=printable(what),
+              endpoint=endpoint, parts=parts, robot=robot)  # fmt: skip
     registration = Registration(run, None)
     try:
         registration = Registration(run, _note(pid))

@@ -42,6 +42,13 @@ def test_a_run_is_found_while_it_lives_and_its_page_once_it_is_served(folder: Pa
     assert list(folder.iterdir()) == []
 
 
+def test_names_that_are_no_text_are_spelled_out() -> None:
+    with registered("run", "caf\udce9.mp4", ENDPOINT, ("tracker",), LOG) as note:
+        note.processes_are({"tracker": 7}, Path("/out\udce9/logs"))
+        [run] = runs()
+    assert (run.what, run.logs) == (r"caf\udce9.mp4", r"/out\udce9/logs")
+
+
 def test_a_run_is_found_though_its_folder_was_deleted_or_is_another_one(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
