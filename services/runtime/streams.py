@@ -299,13 +299,22 @@ class StreamJudge:
             return False
         replaced = before is not None and before != producer
         fresh = self.watch.fresh(line, seq, arrival.arrived_s, replaced)
-        self.report_refusal(arrival, "" if fresh else f"{producer}: {self.watch.refusal}")
+        # The newest one said again, as a last zero is, is no news; said for long it is a fault.
+        again = (line, seq) == (self.watch.line, self.watch.seq)
+        refusal = "" if fresh else f"{producer}: {self.watch.refusal}"
+        self.report_refusal(arrival, refusal, aloud=not again)
         if fresh and self.primary:
             self.statistics.dropped = self.watch.missing
         return fresh
 
-    def report_refusal(self, arrival: Arrival, refusal: str) -> None:
-        """Say in health when nothing but refused messages comes; no refusal clears it."""
+    def report_refusal(self, arrival: Arrival, refusal: str, aloud: bool = True) -> None:
+        """Say in health when nothing but refused messages comes; no refusal clears it.
+
+        Args:
+            arrival: that was refused, or not.
+            refusal: why; "" if it was taken.
+            aloud: whether the log is to tell of a single one.
+        """
         kind, now_s = f"refused-{self.topic}", arrival.arrived_s
         if not refusal:
             self._refused_since_s = None
@@ -313,8 +322,10 @@ class StreamJudge:
             return
         if self._refused_since_s is None:
             self._refused_since_s = now_s
-        self.warn.warning(kind, f"{arrival.key}: refused: {refusal}", now_s)
-        if now_s - self._refused_since_s > _REFUSED_S:
+        lasts = now_s - self._refused_since_s > _REFUSED_S
+        if aloud or lasts:
+            self.warn.warning(kind, f"{arrival.key}: refused: {refusal}", now_s)
+        if lasts:
             self.statistics.problem(
                 kind, f"{arrival.key}: every message is refused: {refusal}", now_s + _RIVAL_S
             )
