@@ -19,6 +19,12 @@ _BESIDE_RAD = math.pi / 3
 """Bearing from which a thing is beside the robot and not ahead of it; chosen by hand."""
 _BETWEEN_RAD = 0.1
 """A beam that fails between two that see, so near to both, shows what the nearer of them shows."""
+_ROUNDING_RAD = 1e-6
+"""Between the edges of two sectors that meet: above the rounding of any driver's angles."""
+_DIRECTIONS = 63
+"""Directions in which it is remembered that something was measured: steps of `_BETWEEN_RAD`, so
+that a single narrow beam that is left out counts as one that failed."""
+_STEP_RAD = 2 * math.pi / _DIRECTIONS
 _PEOPLE_STOP_MPS2 = 3.0
 """How hard a walking person can brake."""
 
@@ -49,6 +55,35 @@ class Room:
     ahead_ends_at: str
 
 
+class Watched:
+    """Directions that have ever been measured, in steps of about 0.1 rad.
+
+    A driver that drops beams that fail, or show something too near, leaves out what it measured a
+    moment ago: without memory the robot set off towards the wall that it had stood before.
+    """
+
+    def __init__(self) -> None:
+        self._bearing = np.arange(_DIRECTIONS) * _STEP_RAD
+        self._ever = np.zeros(_DIRECTIONS, bool)
+
+    def left_out(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sectors (N, 3) of NaN where earlier messages have looked and these (M, 3) do not."""
+        # Counted where sectors begin and end: every direction with every beam would take 4 ms.
+        first = np.ceil((table[:, 0] - table[:, 1] / 2 - _ROUNDING_RAD) / _STEP_RAD)
+        last = np.floor((table[:, 0] + table[:, 1] / 2 + _ROUNDING_RAD) / _STEP_RAD)
+        count = np.clip(last - first + 1, 0, _DIRECTIONS).astype(int)
+        start = np.remainder(first, _DIRECTIONS).astype(int)
+        edges = np.zeros(2 * _DIRECTIONS + 1, int)
+        np.add.at(edges, start, 1)
+        np.add.at(edges, start + count, -1)
+        looked = (edges.cumsum()[:-1].reshape(2, -1) > 0).any(axis=0)
+        missing = self._bearing[self._ever & ~looked]
+        self._ever |= looked
+        return np.stack(
+            [missing, np.full(len(missing), _STEP_RAD), np.full(len(missing), math.nan)], axis=1
+        )
+
+
 class Sectors:
     """Ranges as arrays: they are asked about several directions fifty times a second.
 
@@ -56,9 +91,18 @@ class Sectors:
     measured (NaN) is unknown, and the robot does not drive there.
     """
 
-    def __init__(self, ranges: Ranges) -> None:
+    def __init__(self, ranges: Ranges, watched: Watched | None = None) -> None:
+        """Take one message.
+
+        Args:
+            ranges: newest.
+            watched: what earlier messages measured; None: this is the first.
+        """
         rows = [(s.bearing_rad, s.width_rad, s.distance_m) for s in ranges.sectors]
-        table = _interpolated(np.array(rows, np.float64).reshape(-1, 3))
+        table = np.array(rows, np.float64).reshape(-1, 3)
+        if watched is not None:
+            table = np.concatenate([table, watched.left_out(table)])
+        table = _interpolated(table)
         unknown = np.isnan(table[:, 2])
         self._bearing, self._width, distance = table[~unknown].T
         self._distance = np.clip(distance, 0.0, MAX_RANGE_M)
@@ -70,11 +114,22 @@ class Sectors:
         A sector says that something may be anywhere on its arc, so its edge nearest to the path
         counts. None: no sector looks that way. 0: the one that does has not measured.
         """
+        if not _looks(self._bearing, self._width, direction_rad).any():
+            unknown = _looks(self._unknown_bearing, self._unknown_width, direction_rad)
+            return 0.0 if unknown.any() else None
+        return self._way_m(body, direction_rad)
+
+    def room_m(self, body: Body, direction_rad: float = 0.0) -> float:
+        """As `free_m`; where no sector looks that way, up to what others show that is in it.
+
+        Sonars leave gaps, and a robot is wider than a gap. Infinite: nothing is known to be there.
+        """
+        free_m = self.free_m(body, direction_rad)
+        return self._way_m(body, direction_rad) if free_m is None else free_m
+
+    def _way_m(self, body: Body, direction_rad: float) -> float:
         off = _angle(self._bearing - direction_rad)
         nearest = np.maximum(off - self._width / 2, 0.0)
-        if not (nearest == 0.0).any():
-            unknown = _angle(self._unknown_bearing - direction_rad) <= self._unknown_width / 2
-            return 0.0 if unknown.any() else None
         # A wall close beside must not hold up a robot that drives along it.
         margin_m = np.where(nearest < _BESIDE_RAD, body.margin_m, 0.0)
         space_m = body.radius_m + margin_m
@@ -101,6 +156,14 @@ class Sectors:
         off[(off > self._width / 2) | (self._width > widest_rad)] = math.inf
         nearest = int(off.argmin()) if off.size else -1
         return float(self._distance[nearest]) if nearest >= 0 and off[nearest] < math.inf else None
+
+
+def _looks(
+    bearing: NDArray[np.float64], width: NDArray[np.float64], direction_rad: float
+) -> NDArray[np.bool_]:
+    """Which sectors look in a direction; of two that meet there both do, whatever the rounding."""
+    off = _angle(bearing - direction_rad)
+    return np.asarray(off <= width / 2 + _ROUNDING_RAD)
 
 
 def _angle(off_rad: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ from heel.schemas import (
 )
 from heel.schemas.follow import FollowStateName
 from heel.services.follower.camera_info import implausible
-from heel.services.follower.clearance import Sectors
+from heel.services.follower.clearance import Sectors, Watched
 from heel.services.follower.freshness import Freshness
 from heel.services.follower.kept import KeptTarget
 from heel.services.follower.manual import ManualDrive, ManualError
@@ -64,6 +64,7 @@ class Follower:
         self._people = People(settings.person_height_m, math.radians(settings.horizontal_fov_deg))
         self._motion = OwnMotion(settings.robot_delay_s, MAX_ODOMETRY_AGE_S)
         self._surroundings = Surroundings(settings)
+        self._watched = Watched()
         self._pursuit = Pursuit(settings, self._people, self._motion, self._surroundings)
         self._sensors = Sensors(settings)
         self._choice = TargetChoice(settings)
@@ -221,7 +222,7 @@ class Follower:
             self.refuse("ranges", problem, now_s)
             return
         self._sensors.good("ranges", now_s)
-        sectors = Sectors(ranges)
+        sectors = Sectors(ranges, self._watched)
         self._surroundings.observe(sectors, now_s)
         self._people.observe(sectors, now_s)
 

@@ -116,8 +116,7 @@ class Surroundings:
         behind_m = math.inf
         if self._sectors is not None:
             for direction_rad in (0.0, angular_radps * _CURVE_S):
-                free_m = self._sectors.free_m(self._body, direction_rad)
-                ways.append((math.inf if free_m is None else free_m, _OBSTACLE))
+                ways.append((self._sectors.room_m(self._body, direction_rad), _OBSTACLE))
             # A robot that has ranges but none behind does not back into the unknown.
             behind_m = self._sectors.free_m(self._body, math.pi) or 0.0
         ahead_m, ends_at = min(ways, key=lambda way: way[0])

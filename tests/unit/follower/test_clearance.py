@@ -11,6 +11,7 @@ from heel.schemas.robot import RangeSector
 from heel.services.follower.clearance import (
     Body,
     Sectors,
+    Watched,
     room_before_person_m,
     speed_to_stop_within_mps,
 )
@@ -112,6 +113,70 @@ def test_room_ends_where_somebodys_personal_space_begins(
     place: tuple[float, float], velocity: tuple[float, float], room_m: float
 ) -> None:
     assert room_before_person_m(place, velocity, 1.0) == pytest.approx(room_m)
+
+
+def around(count: int, distance_m: float = 8.0, off: float = 0.0) -> list[RangeSector]:
+    """Sectors that meet, the first one's middle so many widths left of ahead."""
+    width = 2 * math.pi / count
+    return [
+        RangeSector(
+            bearing_rad=math.remainder((k + off) * width, 2 * math.pi), width_rad=width,
+            distance_m=distance_m,
+        )
+        for k in range(count)
+    ]  # fmt: skip
+
+
+def without_front(sectors: list[RangeSector], half_rad: float) -> Ranges:
+    kept = [sector for sector in sectors if abs(sector.bearing_rad) > half_rad]
+    return Ranges(seq=0, sectors=tuple(kept))
+
+
+@pytest.mark.parametrize("count", [8, 36, 360, 720])
+@pytest.mark.parametrize("distance_m", [0.4, 8.0])
+def test_a_direction_that_is_left_out_after_it_was_measured_is_not_free(
+    count: int, distance_m: float
+) -> None:
+    watched = Watched()
+    front = around(count, distance_m)
+    seen = Sectors(Ranges(seq=0, sectors=tuple(front)), watched)
+    assert seen.room_m(BODY) == pytest.approx(distance_m - 0.4)
+    for _ in range(3):
+        blind = Sectors(without_front(front, 0.4), watched)
+        assert blind.room_m(BODY) == blind.free_m(BODY) == 0.0
+    back = Sectors(Ranges(seq=0, sectors=tuple(front)), watched)
+    assert back.room_m(BODY) == pytest.approx(distance_m - 0.4)
+
+
+def test_one_narrow_beam_that_is_left_out_is_as_free_as_its_neighbours() -> None:
+    watched, beams = Watched(), around(360, 3.0)
+    Sectors(Ranges(seq=0, sectors=tuple(beams)), watched)
+    one_less = Ranges(seq=0, sectors=tuple(beams[1:]))
+    assert Sectors(one_less, watched).room_m(BODY) == pytest.approx(2.6, abs=0.01)
+
+
+def test_who_never_looked_ahead_says_nothing_about_it() -> None:
+    watched = Watched()
+    for _ in range(2):
+        behind = Sectors(without_front(around(36), 2.0), watched)
+        assert behind.free_m(BODY) is None
+        assert behind.room_m(BODY) == math.inf
+
+
+@pytest.mark.parametrize("count", [6, 7, 36, 72, 360, 720])
+@pytest.mark.parametrize("turn", range(12))
+def test_sectors_that_meet_ahead_leave_no_gap_by_rounding(count: int, turn: int) -> None:
+    direction_rad = turn * 2 * math.pi / count
+    seen = Sectors(Ranges(seq=0, sectors=tuple(around(count, 3.0, 0.5))))
+    assert seen.free_m(BODY, direction_rad) is not None
+
+
+def test_what_stands_beside_a_gap_between_sonars_is_in_the_way() -> None:
+    sonars = ranges((0.25, 0.3, 0.5), (-0.25, 0.3, 4.0))
+    assert Sectors(sonars).free_m(BODY) is None, "nothing looks there"
+    assert Sectors(sonars).room_m(BODY) < 0.3
+    far = ranges((0.25, 0.3, 4.0), (-0.25, 0.3, 4.0))
+    assert Sectors(far).room_m(BODY) > 2.0
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.2])

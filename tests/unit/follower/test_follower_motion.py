@@ -231,10 +231,24 @@ def test_out_of_sight_the_target_may_be_what_stands_in_their_direction(
     made = driven(sector(5.0))
     for step in range(20):
         made.observe(tracks(), TRACKER)
-        made.observe_ranges(sector(range_m, bearing_rad), 3.0 + step * 0.02)
+        # What looked ahead goes on to: left out it would be a sensor that has failed there.
+        ahead = sector(5.0).sectors if bearing_rad else ()
+        seen = (*ahead, *sector(range_m, bearing_rad).sectors)
+        made.observe_ranges(Ranges(seq=0, sectors=seen), 3.0 + step * 0.02)
         command = made.step(3.0 + step * 0.02, 0.0)
     assert command.state == "occluded"
     assert (command.linear_mps > 0) == drives
+
+
+def test_a_robot_that_stood_before_a_wall_does_not_set_off_when_it_is_left_out() -> None:
+    """As by a driver that drops beams which fail, or show something too near."""
+    made = driven(sector(0.4))
+    assert made.state.linear_mps == 0.0
+    for step in range(50):
+        made.observe(tracks(person(1)), TRACKER)
+        made.observe_ranges(sector(0.5, bearing_rad=2.5), 3.0 + step * 0.02)
+        assert made.step(3.0 + step * 0.02, 0.0).linear_mps == 0.0
+    assert made.state.free_distance_m == 0.0
 
 
 def test_ranges_that_were_there_once_and_end_stop_the_robot_with_the_reason() -> None:
