@@ -226,9 +226,14 @@ class Bench:
         row.seconds.append(answers[first][2] - answers[last][2])
         row.other_ids += self._ids() != ids
         since_s = answers[last][2]
-        row.not_followed += any(
-            at_s >= since_s and state.state != "following" for at_s, state in self.heard.states
-        )
+        others = [
+            f"{state.state} after {at_s - since_s:.2f} s: {state.reason}"
+            for at_s, state in self.heard.states
+            if at_s >= since_s and state.state != "following"
+        ]
+        row.not_followed += bool(others)
+        if others:
+            typer.echo(f"{self._service}, {before}: {others[0]}", err=True)
 
     def _ids(self) -> frozenset[int]:
         """Who is in sight; where people come and go by themselves, who is followed."""
