@@ -25,6 +25,7 @@ _DIRECTIONS = 63
 """Directions in which it is remembered that something was measured: steps of `_BETWEEN_RAD`, so
 that a single narrow beam that is left out counts as one that failed."""
 _STEP_RAD = 2 * math.pi / _DIRECTIONS
+"""Between two of them."""
 _PEOPLE_STOP_MPS2 = 3.0
 """How hard a walking person can brake."""
 
