@@ -230,7 +230,7 @@ class RobotLine:
 def _held_since_s(answer: zenoh.Sample) -> float:
     """Monotonic time since which what is answered holds: later than the truth by the link's delay.
 
-    Always, as far as is known, where the one that answers does not tell.
+    Minus infinity where the one that answers does not tell.
     """
     with suppress(MessageError):
         if answer.attachment is not None:
